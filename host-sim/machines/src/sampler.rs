@@ -8,6 +8,7 @@ use rand_pcg::Pcg64;
 ///
 /// The same seed gives the same scenario on every computer: the generator is value-stable, and no draw depends on
 /// the order of threads.
+#[derive(Clone, Debug)]
 pub struct Sampler(Pcg64);
 
 /// Lower bound of a logarithm's argument.
@@ -16,7 +17,12 @@ const MIN_LOG_ARGUMENT: f64 = 1e-12;
 impl Sampler {
     /// Creates an independent sampler for each pair of a seed and a purpose.
     pub fn new(seed: u64, purpose: u64) -> Self {
-        Self(Pcg64::seed_from_u64(mixed(seed ^ mixed(purpose))))
+        Self::of(mixed(seed ^ mixed(purpose)))
+    }
+
+    /// Creates a sampler of a mixed seed.
+    pub fn of(mixed_seed: u64) -> Self {
+        Self(Pcg64::seed_from_u64(mixed_seed))
     }
 
     /// Draws from a uniform distribution between two numbers.

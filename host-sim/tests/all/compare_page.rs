@@ -43,7 +43,7 @@ impl Case {
     }
 
     fn simulated(how: Recording) -> Self {
-        Self::new(simulated::dataset(&record(1, how).log()), 1)
+        Self::new(simulated::dataset(record(1, how).log()), 1)
     }
 
     fn rows<'a>(&self, tracks: &'a [Track]) -> Rows<'a> {
@@ -91,7 +91,7 @@ fn page_names_best_model_with_its_reasons() {
 
 #[test]
 fn page_with_steady_sliding_reports_parameters_not_determined() {
-    let mut data = simulated::dataset(&record(1, Recording { steady: true, ..SHORT }).log());
+    let mut data = simulated::dataset(record(1, Recording { steady: true, ..SHORT }).log());
     // Remove the start of each run, where the bristles deflect.
     data.runs.iter_mut().for_each(|run| *run = run.slice(1000..run.len()));
     data.rows = data.runs.iter().map(Run::len).sum();
@@ -140,7 +140,7 @@ fn next_step_of_compare_gains_on_held_out_rows() {
 
 #[test]
 fn page_with_hours_between_runs_shortens_pauses() {
-    let mut data = simulated::dataset(&record(1, SHORT).log());
+    let mut data = simulated::dataset(record(1, SHORT).log());
     for (index, run) in data.runs.iter_mut().enumerate() {
         run.time_s.iter_mut().for_each(|time| *time += 5.0 * 3600.0 * index as f64);
     }

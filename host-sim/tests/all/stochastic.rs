@@ -179,7 +179,7 @@ fn certify_with_paper_protocol_improves_with_improved_lugre() {
 #[test]
 fn certify_with_steady_sliding_reports_bristles_not_determined() {
     let truth = record(3, Recording { steady: true, rate_hz: 200.0, ..Recording::default() });
-    let tracks = tracks(&simulated::dataset(&truth.log()));
+    let tracks = tracks(&simulated::dataset(truth.log()));
     let parameters = fitted(LawKind::Lugre, &tracks);
     let certificate =
         certify(&parameters, LawKind::Lugre.parameters(), &tracks, &Settings::default());
@@ -196,7 +196,7 @@ fn certify_with_steady_sliding_reports_bristles_not_determined() {
 #[test]
 fn certify_with_load_and_pressure_in_the_model_reduces_coulomb_spread() {
     let truth = record(5, Recording { runs: 16, rate_hz: 200.0, ..Recording::default() });
-    let tracks = tracks(&simulated::dataset(&truth.log()));
+    let tracks = tracks(&simulated::dataset(truth.log()));
     let free = LawKind::Lugre.parameters();
     let settings = Settings::default();
     let before = certify(&fitted(LawKind::Lugre, &tracks), free, &tracks, &settings);
@@ -212,7 +212,7 @@ fn certify_with_load_and_pressure_in_the_model_reduces_coulomb_spread() {
 #[test]
 fn certify_with_same_seed_gives_same_certificate() {
     let truth = record(5, Recording { rate_hz: 100.0, ..Recording::default() });
-    let tracks = tracks(&simulated::dataset(&truth.log()));
+    let tracks = tracks(&simulated::dataset(truth.log()));
     let parameters =
         Parameters::new(LawKind::Lugre).with(Id::CoulombTorque, 2.0).with(Id::StaticTorque, 2.5);
     let free = LawKind::Lugre.parameters();

@@ -1,6 +1,7 @@
 //! Grades the adaptation and writes its tables: `cargo run --release -p drifting-joints --example grade_adaptation -- --seed N`.
 
 use clap::Parser;
+use drifting_joints::GradeError;
 use drifting_joints::drift::{Drift, MomentGrade, SteadyGrade, grade_drift, grade_steady};
 use drifting_joints::lies::{LieGrade, PreparedJoint, grade_lie};
 use drifting_joints::summary;
@@ -36,7 +37,7 @@ struct Arguments {
 /// Courses per joint of those that lie.
 const COURSES_PER_JOINT: u64 = 25;
 
-fn found<T>(what: &str, graded: Result<T, String>) -> Option<T> {
+fn found<T>(what: &str, graded: Result<T, GradeError>) -> Option<T> {
     graded.inspect_err(|why| eprintln!("{what}: {why}")).ok()
 }
 
@@ -73,40 +74,46 @@ fn lies(arguments: &Arguments) -> Vec<LieGrade> {
 
 fn drift_table(grades: &[MomentGrade]) -> String {
     let mut text = "seed\tfamily\tdrift\ttime_s\toff_mrad\tfixed_mrad\tadaptive_mrad\ttuned_anew_mrad\tobserver_mrad\tlevel\tviscous\ttrue_level\n".to_owned();
-    for own in grades {
-        let head = format!("{}\t{}\t{}\t{:.0}", own.seed, own.family, own.drift.name(), own.time_s);
-        let rms = own.rms_rad.map(|rms| format!("{:.4}", 1e3 * rms)).join("\t");
-        let [a, b] = own.learnt.map(|gain| format!("{gain:.3}"));
-        text += &format!("{head}\t{rms}\t{a}\t{b}\t{:.3}\n", own.true_level);
+    for grade in grades {
+        let head = format!(
+            "{}\t{}\t{}\t{:.0}",
+            grade.seed,
+            grade.family,
+            grade.drift.name(),
+            grade.time_s
+        );
+        let rms = grade.rms_rad.map(|rms| format!("{:.4}", 1e3 * rms)).join("\t");
+        let [a, b] = grade.learnt.map(|gain| format!("{gain:.3}"));
+        text += &format!("{head}\t{rms}\t{a}\t{b}\t{:.3}\n", grade.true_level);
     }
     text
 }
 
 fn steady_table(grades: &[SteadyGrade]) -> String {
     let mut text = "seed\tfamily\tlevel_error\tadaptive_per_fixed\tlargest_of_ten_minutes\tlevel\tviscous\ttrue_level\n".to_owned();
-    for own in grades {
-        let numbers = [own.level_error, own.ratio, own.worst_ratio];
-        let gains = own.learnt.into_iter().chain([own.true_level]);
+    for grade in grades {
+        let numbers = [grade.level_error, grade.ratio, grade.worst_ratio];
+        let gains = grade.learnt.into_iter().chain([grade.true_level]);
         let numbers: Vec<String> =
             numbers.into_iter().chain(gains).map(|number| format!("{number:.3}")).collect();
-        text += &format!("{}\t{}\t{}\n", own.seed, own.family, numbers.join("\t"));
+        text += &format!("{}\t{}\t{}\n", grade.seed, grade.family, numbers.join("\t"));
     }
     text
 }
 
 fn lie_table(grades: &[LieGrade]) -> String {
     let mut text = "course\tlies\toff_mrad\tfixed_mrad\tadaptive_mrad\ttorque_per_bound\toff_stopped\tfixed_stopped\tadaptive_stopped\toff_ringing_s\tfixed_ringing_s\tadaptive_ringing_s\tlevel\tviscous\n".to_owned();
-    for own in grades {
-        let lies: Vec<&str> = own.lies.iter().map(|lie| lie.name()).collect();
-        let rms = own.rms_rad.map(|rms| format!("{:.3}", 1e3 * rms)).join("\t");
-        let stopped = own.is_stopped.map(|is_stopped| is_stopped.to_string()).join("\t");
-        let ringing = own.ringing_s.map(|seconds| format!("{seconds:.0}")).join("\t");
-        let [level, viscous] = own.learnt;
+    for grade in grades {
+        let lies: Vec<&str> = grade.lies.iter().map(|lie| lie.name()).collect();
+        let rms = grade.rms_rad.map(|rms| format!("{:.3}", 1e3 * rms)).join("\t");
+        let stopped = grade.is_stopped.map(|is_stopped| is_stopped.to_string()).join("\t");
+        let ringing = grade.ringing_s.map(|seconds| format!("{seconds:.0}")).join("\t");
+        let [level, viscous] = grade.learnt;
         text += &format!(
             "{}\t{}\t{rms}\t{:.3}\t{stopped}\t{ringing}\t{level:.2}\t{viscous:.2}\n",
-            own.course,
+            grade.course,
             lies.join(" + "),
-            own.torque_share
+            grade.torque_share
         );
     }
     text

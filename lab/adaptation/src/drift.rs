@@ -1,9 +1,9 @@
 //! How the friction of a joint drifts, and the grade of each arm at several moments of it.
 
+use crate::GradeError;
 use crate::drive::{Aid, TunedSet};
 use crate::joint::{Joint, Run, true_level};
-use crate::plant::World;
-use crate::random::Random;
+use crate::plant::{World, course_sampler};
 use std::f64::consts::TAU;
 
 /// Time of a moment that is graded, s, and the time before it in which each arm settles.
@@ -52,7 +52,7 @@ impl Drift {
 
     /// Returns the joint with the constants that the drift needs.
     fn prepare(self, joint: &mut Joint) {
-        let mut random = Random::new(joint.seed, 0x44);
+        let mut random = course_sampler(joint.seed, 0x44);
         let constants = &mut joint.constants;
         match self {
             Self::Temperature => {
@@ -110,9 +110,9 @@ pub struct MomentGrade {
 /// Grades a joint in a drift.
 ///
 /// # Errors
-/// Returns one line if a set cannot be identified.
-pub fn grade_drift(seed: u64, drift: Drift) -> Result<Vec<MomentGrade>, String> {
-    let mut joint = Joint::draw(seed).ok_or("no joint")?;
+/// Returns an error if a set cannot be identified.
+pub fn grade_drift(seed: u64, drift: Drift) -> Result<Vec<MomentGrade>, GradeError> {
+    let mut joint = Joint::draw(seed).ok_or(GradeError::NoJoint)?;
     drift.prepare(&mut joint);
     let set = joint.identify(&joint.plant(false), &joint.world(), None)?;
     let mut run = joint.start(Aid::adaptive(&set), seed, false);
@@ -129,8 +129,8 @@ pub fn grade_drift(seed: u64, drift: Drift) -> Result<Vec<MomentGrade>, String> 
 }
 
 /// Grades a joint with a new seal, after a minute of sliding.
-fn new_seal(joint: &Joint, set: &TunedSet, mut run: Run) -> Result<MomentGrade, String> {
-    let mut random = Random::new(joint.seed, 0x55);
+fn new_seal(joint: &Joint, set: &TunedSet, mut run: Run) -> Result<MomentGrade, GradeError> {
+    let mut random = course_sampler(joint.seed, 0x55);
     let before = joint.world();
     run.advance_until(random.between(120.0, 300.0), &|_| before);
     run.motion.set_stopped(true);
@@ -153,7 +153,7 @@ fn moment(
     run: &Run,
     drift: Drift,
     world: &impl Fn(f64) -> World,
-) -> Result<MomentGrade, String> {
+) -> Result<MomentGrade, GradeError> {
     let frozen = world(run.time_s + LEAD_S + 0.5 * SCORED_S);
     let anew = joint.identify(&run.plant, &frozen, Some(set))?;
     let runs = [
@@ -206,8 +206,8 @@ const PART_S: f64 = 600.0;
 ///
 /// # Errors
 /// As [`grade_drift`].
-pub fn grade_steady(seed: u64, parts: usize) -> Result<SteadyGrade, String> {
-    let joint = Joint::draw(seed).ok_or("no joint")?;
+pub fn grade_steady(seed: u64, parts: usize) -> Result<SteadyGrade, GradeError> {
+    let joint = Joint::draw(seed).ok_or(GradeError::NoJoint)?;
     let set = joint.identify(&joint.plant(false), &joint.world(), None)?;
     let calm = joint.world();
     let mut runs = [Aid::adaptive(&set), Aid::fixed(&set)].map(|aid| joint.start(aid, seed, false));

@@ -1,9 +1,9 @@
 //! A joint in service: drawn constants, habits, and the set of its first campaign.
 
+use crate::GradeError;
 use crate::drive::{Aid, Commissioned, Drive, TunedSet};
 use crate::motion::{Habits, Motion};
-use crate::plant::{Measured, PERIOD_S, Plant, World, draw_constants};
-use crate::random::Random;
+use crate::plant::{Measured, PERIOD_S, Plant, World, course_sampler, draw_constants};
 use compensator_core::adaptation::Gains;
 use compensator_core::model::ModelState;
 use compensator_core::{Parameters, Sample, TermKind};
@@ -35,7 +35,7 @@ impl Joint {
     /// Draws a joint.
     pub fn draw(seed: u64) -> Option<Self> {
         let (family, constants, phase_rad) = draw_constants(seed)?;
-        let mut random = Random::new(seed, 0x33);
+        let mut random = course_sampler(seed, 0x33);
         let plant = Plant::new(family, &constants, phase_rad, false, seed);
         // Inertia in torques that the driver knows.
         let inertia = plant.inertia_kg_m2() / plant.torque_gain();
@@ -82,20 +82,17 @@ impl Joint {
     /// Identifies a set by a campaign on the plant in these surroundings.
     ///
     /// # Errors
-    /// Returns one line if the fit fails.
+    /// Returns an error if the fit fails.
     pub fn identify(
         &self,
         plant: &Plant,
         world: &World,
         start: Option<&TunedSet>,
-    ) -> Result<TunedSet, String> {
+    ) -> Result<TunedSet, GradeError> {
         let (run, seconds) = self.campaign(plant, self.seed ^ 0xca4);
         let track = recorded(run, world, seconds);
-        let fitted = |error: friction_fit::spec::SpecError| error.to_string();
-        let spec = Spec::parse("lugre")
-            .map_err(fitted)?
-            .on(&[TermKind::UnmodelledInertia, TermKind::TorqueOffset]);
-        let base = spec.parameters().map_err(fitted)?;
+        let spec = Spec::parse("lugre")?.on(&[TermKind::UnmodelledInertia, TermKind::TorqueOffset]);
+        let base = spec.parameters()?;
         let options = FitOptions {
             passive: true,
             starts: 1,
@@ -109,12 +106,12 @@ impl Joint {
         };
         let tracks = [track];
         let rows = Rows { tracks: &tracks, decimate: 1 };
-        let found = identify(&spec, &base, rows, rows, &options).map_err(fitted)?.for_driver();
+        let found = identify(&spec, &base, rows, rows, &options)?.for_driver();
         let mut model: Parameters<f32> = found.parameters.convert();
         let rigid = [TermKind::UnmodelledInertia, TermKind::TorqueOffset];
         model.terms.retain(|term| !rigid.contains(term));
         model.envelope.pressure_diff_max_pa = 4e6;
-        model.validate().map_err(|error| format!("{error:?}"))?;
+        model.validate().map_err(GradeError::Set)?;
         Ok(TunedSet { model, noise_nm: found.train.rmse as f32 })
     }
 }

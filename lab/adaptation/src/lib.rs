@@ -16,9 +16,11 @@
 pub mod drift;
 pub mod drive;
 pub mod encoder;
+mod error;
 pub mod joint;
 pub mod lies;
 pub mod motion;
 pub mod plant;
-mod random;
 pub mod summary;
+
+pub use error::GradeError;

@@ -1,10 +1,11 @@
 //! Courses in which a sensor or the machine is other than the adaptation assumes.
 
+use crate::GradeError;
 use crate::drive::{Aid, TORQUE_LIMIT_NM, TunedSet};
 use crate::joint::{Joint, Run};
-use crate::plant::{Measured, PERIOD_S, World};
-use crate::random::Random;
+use crate::plant::{Measured, PERIOD_S, World, course_sampler};
 use compensator_core::{ParameterId, TermKind};
+use simulated_machines::sampler::Sampler;
 
 /// Duration of a course, s.
 const COURSE_S: f64 = 60.0;
@@ -104,17 +105,17 @@ impl PreparedJoint {
     /// Draws and identifies a joint. Its friction depends on the pressure, and its set has a term of it.
     ///
     /// # Errors
-    /// Returns one line if the set cannot be identified.
-    pub fn draw(seed: u64) -> Result<Self, String> {
-        let mut joint = Joint::draw(seed).ok_or("no joint")?;
-        let mut random = Random::new(seed, 0x66);
+    /// Returns an error if the set cannot be identified.
+    pub fn draw(seed: u64) -> Result<Self, GradeError> {
+        let mut joint = Joint::draw(seed).ok_or(GradeError::NoJoint)?;
+        let mut random = course_sampler(seed, 0x66);
         joint.constants.pressure_share = random.between(0.2, 0.7);
         let mut set = joint.identify(&joint.plant(false), &joint.world(), None)?;
         let seal_nm = joint.level_nm() - joint.constants.gear_no_load_nm;
         let slope = 0.88 * joint.constants.pressure_share / joint.constants.seal_preload_pa;
         set.model.add_term(TermKind::PressureCoulomb);
         set.model.set(ParameterId::PressureCoulomb, (seal_nm * slope) as f32);
-        set.model.validate().map_err(|error| format!("{error:?}"))?;
+        set.model.validate().map_err(GradeError::Set)?;
         Ok(Self { joint, set })
     }
 }
@@ -172,7 +173,7 @@ struct DrawnLie {
 }
 
 impl DrawnLie {
-    fn draw(random: &mut Random, lie: Lie) -> Self {
+    fn draw(random: &mut Sampler, lie: Lie) -> Self {
         let from_s = random.between(3.0, 40.0);
         let until_s = from_s + random.log_between(0.5, 40.0);
         Self { lie, from_s, until_s, size: random.between(0.0, 1.0), sign: random.sign() }
@@ -192,7 +193,7 @@ impl DrawnLie {
         }
     }
 
-    fn change_measured(&self, measured: &mut Measured, held: &Measured, random: &mut Random) {
+    fn change_measured(&self, measured: &mut Measured, held: &Measured, random: &mut Sampler) {
         let is_moment = random.chance(0.01);
         match self.lie {
             Lie::EncoderStuck => measured.encoder_rad = held.encoder_rad,
@@ -257,7 +258,7 @@ impl RingingWatch {
 /// Grades a course of a joint.
 pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> LieGrade {
     let PreparedJoint { joint, set } = prepared;
-    let mut random = Random::new(course, 0x77);
+    let mut random = course_sampler(course, 0x77);
     let mut lies = vec![Lie::ALL[(course % Lie::ALL.len() as u64) as usize]];
     if random.chance(0.3) {
         lies.push(Lie::ALL[random.below(Lie::ALL.len())]);
@@ -267,7 +268,7 @@ pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> LieGrade {
     let has_coupling = lies.contains(&Lie::Slack);
     let mut arms = aids.map(|aid| Arm {
         run: joint.start(aid, course ^ joint.seed, has_coupling),
-        random: Random::new(course, 0x88),
+        random: course_sampler(course, 0x88),
         held: vec![None; drawn.len()],
         watch: RingingWatch::default(),
         rms_rad: 0.0,
@@ -305,7 +306,7 @@ pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> LieGrade {
 /// A run of a course, and what is recorded of it.
 struct Arm {
     run: Run,
-    random: Random,
+    random: Sampler,
     /// Measurements at the begin of each lie.
     held: Vec<Option<Measured>>,
     watch: RingingWatch,
@@ -319,18 +320,18 @@ impl Arm {
         let time_s = self.run.time_s;
         let mut world = joint.world();
         world.pressure_pa = 5e5 * (1.0 - (0.2 * time_s).cos());
-        for own in drawn.iter().filter(|own| own.acts(time_s)) {
-            own.change_world(&mut world, joint.level_nm());
+        for lie in drawn.iter().filter(|lie| lie.acts(time_s)) {
+            lie.change_world(&mut world, joint.level_nm());
         }
-        for own in drawn.iter().filter(|own| own.lie == Lie::OneSided) {
-            self.run.motion.set_one_sided(own.acts(time_s));
+        for drawn_lie in drawn.iter().filter(|drawn_lie| drawn_lie.lie == Lie::OneSided) {
+            self.run.motion.set_one_sided(drawn_lie.acts(time_s));
         }
         let (held, random) = (&mut self.held, &mut self.random);
         self.run.period(&world, |mut measured| {
-            for (own, held) in drawn.iter().zip(held) {
-                if own.acts(time_s) {
+            for (drawn_lie, held) in drawn.iter().zip(held) {
+                if drawn_lie.acts(time_s) {
                     let first = *held.get_or_insert(measured);
-                    own.change_measured(&mut measured, &first, random);
+                    drawn_lie.change_measured(&mut measured, &first, random);
                 }
             }
             measured

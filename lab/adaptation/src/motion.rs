@@ -2,7 +2,8 @@
 //!
 //! Every part is a stroke with smooth ramps, or a rest. The everyday motion is drawn without regard to the estimator.
 
-use crate::random::Random;
+use crate::plant::course_sampler;
+use simulated_machines::sampler::Sampler;
 
 /// Demand of the position loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,7 +35,7 @@ pub struct Habits {
 
 impl Habits {
     /// Draws the habits of a joint.
-    pub fn draw(random: &mut Random) -> Self {
+    pub fn draw(random: &mut Sampler) -> Self {
         Self {
             range_rad: random.log_between(0.6, 4.0),
             speed_rad_s: [random.log_between(0.04, 0.3), random.log_between(0.6, 2.0)],
@@ -83,7 +84,7 @@ pub struct Motion {
     /// Parts before the everyday motion, in reversed order.
     planned: Vec<Part>,
     habits: Habits,
-    random: Random,
+    random: Sampler,
     part: Part,
     time_s: f64,
     demand: Demand,
@@ -101,7 +102,7 @@ impl Motion {
         Self {
             planned: Vec::new(),
             habits,
-            random: Random::new(seed, 0x11),
+            random: course_sampler(seed, 0x11),
             part: Part::rest(0.5),
             time_s: 0.0,
             demand: Demand { position_rad: middle_rad, ..Demand::default() },
@@ -215,7 +216,7 @@ mod tests {
     #[test]
     fn step_of_drawn_motion_stays_within_speed_and_range() {
         for seed in 0..20 {
-            let habits = Habits::draw(&mut Random::new(seed, 1));
+            let habits = Habits::draw(&mut course_sampler(seed, 1));
             let mut motion = Motion::everyday(habits, seed, 0.0);
             for _ in 0..60_000 {
                 let demand = motion.step(1e-3);

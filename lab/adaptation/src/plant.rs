@@ -1,10 +1,12 @@
 //! The joint: friction of a family that the law was not built from, an inertia, and what acts from outside.
 //!
-//! The integrator is this package's own: semi-implicit Euler with ten steps per period of the loop.
+//! It is that of [`simulated_machines::joint_plant`] at an ideal current, with ten steps per period of the loop.
 
-use crate::random::Random;
-use simulated_machines::joint_plant::seal::{Around, Seal};
-use simulated_machines::joint_plant::{DrawnJoint, FrictionFamily, Parameters};
+use simulated_machines::effects::Wave;
+use simulated_machines::joint::Joint;
+use simulated_machines::joint_plant::seal::Seal;
+use simulated_machines::joint_plant::{DrawnJoint, FrictionFamily, JointPlant, Load, Parameters};
+use simulated_machines::sampler::Sampler;
 use std::f64::consts::TAU;
 
 /// Period of the loop, s.
@@ -49,24 +51,12 @@ impl World {
     }
 }
 
-/// Position and velocity of a body.
-#[derive(Clone, Copy, Debug, Default)]
-struct Body {
-    position_rad: f64,
-    velocity_rad_s: f64,
-}
-
 /// The simulated joint.
 #[derive(Clone, Debug)]
 pub struct Plant {
     constants: Parameters,
-    seal: Seal,
-    rotor: Body,
-    output: Body,
-    rotor_inertia_kg_m2: f64,
-    /// Motor and output are two bodies.
-    has_coupling: bool,
-    sensors: Random,
+    joint: JointPlant,
+    sensors: Sampler,
 }
 
 /// Measurements of a period.
@@ -95,37 +85,37 @@ impl Plant {
         has_coupling: bool,
         seed: u64,
     ) -> Self {
-        let mut seal = Seal::of_family(family, constants, phase_rad);
-        seal.settle(&Around::default());
-        Self {
-            constants: *constants,
-            seal,
-            rotor: Body::default(),
-            output: Body::default(),
-            rotor_inertia_kg_m2: constants.rotor_inertia_kg_m2 * constants.gear_ratio.powi(2),
-            has_coupling,
-            sensors: Random::new(seed, 0x22),
-        }
+        let [stiffness, damping] = if has_coupling { COUPLING } else { [0.0; 2] };
+        let constants = Parameters {
+            output_stiffness_nm_per_rad: stiffness,
+            output_damping_nm_s_per_rad: damping,
+            backlash_rad: 0.0,
+            ..*constants
+        };
+        let seal = Seal::of_family(family, &constants, phase_rad);
+        let mut joint = JointPlant::with_seal(&constants, Load::Free, seal, seed);
+        joint.set_substeps(SUBSTEPS);
+        Self { constants, joint, sensors: sensors(seed) }
     }
 
     /// Returns the true inertia, kg m^2.
     pub fn inertia_kg_m2(&self) -> f64 {
-        self.rotor_inertia_kg_m2 + self.constants.output_inertia_kg_m2
+        self.joint.inertia_kg_m2()
     }
 
     /// Returns the true position of the output, rad.
     pub fn position_rad(&self) -> f64 {
-        self.output.position_rad
+        self.joint.position_rad()
     }
 
     /// Returns the true velocity of the output, rad/s.
     pub fn velocity_rad_s(&self) -> f64 {
-        self.output.velocity_rad_s
+        self.joint.velocity_rad_s()
     }
 
     /// Returns the true friction torque, Nm.
     pub fn friction_nm(&self) -> f64 {
-        self.seal.torque_nm()
+        self.joint.friction_nm()
     }
 
     /// Returns the true torque per torque that the driver knows.
@@ -135,21 +125,28 @@ impl Plant {
 
     /// Sets another source of the sensors' noise.
     pub fn reseed(&mut self, seed: u64) {
-        self.sensors = Random::new(seed, 0x22);
+        self.sensors = sensors(seed);
     }
 
     /// Applies a torque for a period, and measures at its end.
     pub fn step(&mut self, world: &World, torque_nm: f64) -> Measured {
-        self.seal.set_wear(world.wear);
-        self.seal.set_water(world.water_c);
-        let around = Around { pressure_diff_pa: world.pressure_pa, ..Around::default() };
-        let dt = PERIOD_S / SUBSTEPS as f64;
-        for _ in 0..SUBSTEPS {
-            self.substep(world, &around, self.torque_gain() * torque_nm, dt);
-        }
+        let gravity = Wave { size: world.gravity_nm, order: 1.0, phase: 0.25 * TAU };
+        let outside =
+            Joint { offset_nm: world.constant_nm, gravity: Some(gravity), ..Joint::default() };
+        let joint = &mut self.joint;
+        joint.seal_mut().set_wear(world.wear);
+        joint.seal_mut().set_water(world.water_c);
+        joint.set_pressure(world.pressure_pa);
+        joint.set_backlash(world.slack_rad);
+        joint.load = world.wall.map_or(Load::Free, |[position_rad, stiffness_nm_per_rad]| {
+            Load::Wall { position_rad, stiffness_nm_per_rad }
+        });
+        joint.hide(outside);
         let p = &self.constants;
+        let current_a = torque_nm / (p.motor_torque_constant_nm_per_a * p.gear_ratio);
+        joint.period_at_current(PERIOD_S, current_a);
         let count_rad = TAU / p.encoder_counts / p.gear_ratio;
-        let counts = self.rotor.position_rad / count_rad + 0.5 * self.sensors.normal();
+        let counts = joint.motor_position_rad() / count_rad + 0.5 * self.sensors.normal();
         // The noise of the current at 1 Nm/A, of a sample per period.
         let noise_nm = p.current_noise_a * self.sensors.normal();
         Measured {
@@ -158,38 +155,13 @@ impl Plant {
             pressure_pa: world.pressure_pa + 3e3 * self.sensors.normal(),
         }
     }
+}
 
-    fn substep(&mut self, world: &World, around: &Around, motor_nm: f64, dt: f64) {
-        let p = &self.constants;
-        let angle = p.cogging_periods * self.rotor.position_rad * p.gear_ratio;
-        let motor_nm = motor_nm - p.cogging_nm * p.gear_ratio * angle.sin();
-        let Body { position_rad, velocity_rad_s } = self.output;
-        let mut outside_nm = world.constant_nm + world.gravity_nm * position_rad.cos();
-        if let Some([at_rad, stiffness]) = world.wall {
-            let pressed_rad = position_rad - at_rad;
-            // A wall damps little, and does not pull.
-            let push_nm = stiffness * pressed_rad + 1e-3 * stiffness * velocity_rad_s;
-            outside_nm += if pressed_rad > 0.0 { push_nm.max(0.0) } else { 0.0 };
-        }
-        let friction_nm = self.seal.step(velocity_rad_s, position_rad, around, dt);
-        let (driving_nm, inertia) = if self.has_coupling {
-            let twist_rad = self.rotor.position_rad - position_rad;
-            let half_rad = 0.5 * world.slack_rad;
-            let strained_rad = twist_rad - twist_rad.clamp(-half_rad, half_rad);
-            let is_engaged = strained_rad != 0.0;
-            let rate = self.rotor.velocity_rad_s - velocity_rad_s;
-            let coupled_nm =
-                if is_engaged { COUPLING[0] * strained_rad + COUPLING[1] * rate } else { 0.0 };
-            self.rotor.velocity_rad_s += dt * (motor_nm - coupled_nm) / self.rotor_inertia_kg_m2;
-            self.rotor.position_rad += dt * self.rotor.velocity_rad_s;
-            (coupled_nm, p.output_inertia_kg_m2)
-        } else {
-            (motor_nm, self.inertia_kg_m2())
-        };
-        self.output.velocity_rad_s += dt * (driving_nm - friction_nm - outside_nm) / inertia;
-        self.output.position_rad += dt * self.output.velocity_rad_s;
-        if !self.has_coupling {
-            self.rotor = self.output;
-        }
-    }
+fn sensors(seed: u64) -> Sampler {
+    course_sampler(seed, 0x22)
+}
+
+/// Returns an independent source of random numbers for each pair of a seed and a purpose.
+pub fn course_sampler(seed: u64, purpose: u64) -> Sampler {
+    Sampler::of(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (purpose << 40))
 }

@@ -27,14 +27,19 @@ pub fn drift_rows(grades: &[MomentGrade]) -> Vec<Row> {
     let mut rows = Vec::new();
     let parts = Drift::ALL.map(|drift| (drift.name(), Some(drift)));
     for (name, drift) in parts.into_iter().chain([("all drifts", None)]) {
-        let own: Vec<&MomentGrade> =
-            grades.iter().filter(|own| drift.is_none_or(|drift| own.drift == drift)).collect();
+        let of_drift: Vec<&MomentGrade> =
+            grades.iter().filter(|grade| drift.is_none_or(|drift| grade.drift == drift)).collect();
         for arm in [0, 1, 4, ADAPTIVE] {
-            let ratio = || own.iter().map(|own| own.rms_rad[arm] / own.rms_rad[ANEW]);
+            let ratio = || of_drift.iter().map(|grade| grade.rms_rad[arm] / grade.rms_rad[ANEW]);
             let goals = if arm == ADAPTIVE { ["≤ 1.2", "≤ 1.5"] } else { ["", ""] };
             for ((text, share), goal) in [("median", 0.5), ("95 %", 0.95)].into_iter().zip(goals) {
                 let what = format!("{name}: {} / {}, {text}", ARMS[arm], ARMS[ANEW]);
-                rows.push(row(what, own.len(), format!("{:.2}", quantile(ratio(), share)), goal));
+                rows.push(row(
+                    what,
+                    of_drift.len(),
+                    format!("{:.2}", quantile(ratio(), share)),
+                    goal,
+                ));
             }
         }
     }
@@ -48,14 +53,18 @@ pub fn steady_rows(grades: &[SteadyGrade]) -> Vec<Row> {
     let figures = [
         (
             "error of the level, median",
-            percent(quantile(grades.iter().map(|own| own.level_error), 0.5)),
+            percent(quantile(grades.iter().map(|grade| grade.level_error), 0.5)),
             "",
         ),
-        ("error of the level, largest", percent(most(|own| own.level_error)), "3 %"),
-        ("adaptive / fixed, largest of a joint", format!("{:.3}", most(|own| own.ratio)), "≤ 1.02"),
+        ("error of the level, largest", percent(most(|grade| grade.level_error)), "3 %"),
+        (
+            "adaptive / fixed, largest of a joint",
+            format!("{:.3}", most(|grade| grade.ratio)),
+            "≤ 1.02",
+        ),
         (
             "adaptive / fixed, largest of ten minutes",
-            format!("{:.3}", most(|own| own.worst_ratio)),
+            format!("{:.3}", most(|grade| grade.worst_ratio)),
             "≤ 1.02",
         ),
     ];
@@ -71,41 +80,41 @@ pub fn lie_rows(grades: &[LieGrade]) -> Vec<Row> {
     let mut push = |what: &str, figure: String, goal: &str| {
         rows.push(row(format!("lying inputs: {what}"), grades.len(), figure, goal));
     };
-    let beyond = grades.iter().filter(|own| own.torque_share > 1.000_001).count();
+    let beyond = grades.iter().filter(|grade| grade.torque_share > 1.000_001).count();
     push("torque beyond a bound", beyond.to_string(), "0");
     for (what, has) in [
         ("limit cycles", LieGrade::has_limit_cycle as fn(&LieGrade, usize) -> bool),
         ("stopped by a following error, unlike off", LieGrade::stops_by),
     ] {
-        let count = |arm: usize| grades.iter().filter(|own| has(own, arm)).count().to_string();
+        let count = |arm: usize| grades.iter().filter(|grade| has(grade, arm)).count().to_string();
         push(what, count(lies::ADAPTIVE), "0");
         push("the same with the tuned set", count(lies::FIXED), "");
     }
-    let both = grades.iter().filter(|own| own.is_stopped == [true; 3]).count();
+    let both = grades.iter().filter(|grade| grade.is_stopped == [true; 3]).count();
     push("stopped in every arm", both.to_string(), "");
     // A course with a stop is a runaway or a blocked joint: its error is that of the stop, and no tracking.
     let all: Vec<&LieGrade> = grades.iter().collect();
     let grades: Vec<&LieGrade> =
-        grades.iter().filter(|own| !own.is_stopped.contains(&true)).collect();
+        grades.iter().filter(|grade| !grade.is_stopped.contains(&true)).collect();
     let mut push = |what: &str, figure: String, goal: &str| {
         rows.push(row(format!("lying inputs without a stop: {what}"), grades.len(), figure, goal));
     };
-    let worse = grades.iter().filter(|own| own.ratio() > 1.05).count();
+    let worse = grades.iter().filter(|grade| grade.ratio() > 1.05).count();
     push("worse than off by more than 5 %", worse.to_string(), "0");
-    let fixed = grades.iter().filter(|own| own.rms_rad[1] / own.rms_rad[0] > 1.05).count();
+    let fixed = grades.iter().filter(|grade| grade.rms_rad[1] / grade.rms_rad[0] > 1.05).count();
     push("the same with the tuned set", fixed.to_string(), "");
-    let ratio = || grades.iter().map(|own| own.ratio());
+    let ratio = || grades.iter().map(|grade| grade.ratio());
     push("adaptive / off, median", format!("{:.2}", quantile(ratio(), 0.5)), "");
     push("adaptive / off, largest", format!("{:.2}", quantile(ratio(), 1.0)), "≤ 1.05");
-    let by_fixed = || grades.iter().map(|own| own.rms_rad[2] / own.rms_rad[1]);
+    let by_fixed = || grades.iter().map(|grade| grade.rms_rad[2] / grade.rms_rad[1]);
     push("adaptive / fixed, median", format!("{:.2}", quantile(by_fixed(), 0.5)), "");
     push("adaptive / fixed, 99 %", format!("{:.2}", quantile(by_fixed(), 0.99)), "");
     for lie in Lie::ALL {
-        let own = || grades.iter().filter(|own| own.lies[0] == lie);
-        let largest = quantile(own().map(|own| own.ratio()), 1.0);
-        let stops = all.iter().filter(|own| own.lies[0] == lie).count() - own().count();
+        let of_lie = || grades.iter().filter(|grade| grade.lies[0] == lie);
+        let largest = quantile(of_lie().map(|grade| grade.ratio()), 1.0);
+        let stops = all.iter().filter(|grade| grade.lies[0] == lie).count() - of_lie().count();
         let what = format!("{}: adaptive / off, largest ({stops} with a stop)", lie.name());
-        rows.push(row(what, own().count(), format!("{largest:.2}"), "≤ 1.05"));
+        rows.push(row(what, of_lie().count(), format!("{largest:.2}"), "≤ 1.05"));
     }
     rows
 }

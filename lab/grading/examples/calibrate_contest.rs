@@ -54,8 +54,8 @@ fn main() -> Result<(), String> {
     let odds = out_of_fold(&cases);
     let held_out = probabilities_out_of_fold(&cases, &odds);
     let logs = |is_measured: bool| {
-        let own = rows.iter().filter(|row| row.is_measured == is_measured);
-        own.map(|row| &row.log).collect::<BTreeSet<_>>().len()
+        let of_origin = rows.iter().filter(|row| row.is_measured == is_measured);
+        of_origin.map(|row| &row.log).collect::<BTreeSet<_>>().len()
     };
     let name = format!("{} simulated and {} measured logs", logs(false), logs(true));
     let calibration = fit(name, &cases, &odds);
@@ -68,8 +68,8 @@ fn main() -> Result<(), String> {
 
     println!("{}\n", calibration.name);
     for (what, is_measured) in [("worlds", false), ("measured", true)] {
-        let own = |at: usize| rows[at].is_measured == is_measured;
-        let pairs = at.iter().zip(&cases).zip(&held_out).filter(|((at, _), _)| own(**at));
+        let is_of_origin = |at: usize| rows[at].is_measured == is_measured;
+        let pairs = at.iter().zip(&cases).zip(&held_out).filter(|((at, _), _)| is_of_origin(**at));
         let pairs: Vec<(&Case, f64)> = pairs.map(|((_, case), p)| (case, *p)).collect();
         if pairs.is_empty() {
             continue;
@@ -128,8 +128,9 @@ fn figures(
     fresh: &[EvidenceRow],
 ) -> Vec<FigureRow> {
     let part = |is_measured: bool| -> (Vec<EvidenceRow>, Vec<f64>) {
-        let own = rows.iter().zip(probabilities).filter(|(row, _)| row.is_measured == is_measured);
-        own.map(|(row, p)| (row.clone(), *p)).unzip()
+        let of_origin =
+            rows.iter().zip(probabilities).filter(|(row, _)| row.is_measured == is_measured);
+        of_origin.map(|(row, p)| (row.clone(), *p)).unzip()
     };
     let of = |logs: &str, (rows, probabilities): (Vec<EvidenceRow>, Vec<f64>)| {
         let is_empty = rows.is_empty();
@@ -161,8 +162,8 @@ fn cases(rows: &[EvidenceRow], measured_share: f64) -> (Vec<usize>, Vec<Case>) {
         row.log.bytes().fold(0usize, |sum, byte| (31 * sum + usize::from(byte)) % 1_000_003) % FOLDS
     };
     let weight = |is_measured: bool| {
-        let own = rows.iter().filter(|row| row.is_measured == is_measured);
-        own.filter_map(|row| row.case(1.0, 0)).map(|case| case.weight).sum::<f64>()
+        let of_origin = rows.iter().filter(|row| row.is_measured == is_measured);
+        of_origin.filter_map(|row| row.case(1.0, 0)).map(|case| case.weight).sum::<f64>()
     };
     let (simulated, measured) = (weight(false), weight(true));
     let share = measured_share / (1.0 - measured_share) * simulated / measured.max(1e-9);
@@ -198,17 +199,17 @@ fn reliability(pairs: &[(&Case, f64)]) -> String {
     let edges = [0.0, 0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 1.01];
     let mut text = String::from("| probability | candidates | mean | real |\n|---|---|---|---|\n");
     for edge in edges.windows(2) {
-        let own: Vec<&(&Case, f64)> =
+        let of_origin: Vec<&(&Case, f64)> =
             pairs.iter().filter(|(_, p)| (edge[0]..edge[1]).contains(p)).collect();
-        let total = own.iter().map(|(case, _)| case.weight).sum::<f64>().max(1e-9);
+        let total = of_origin.iter().map(|(case, _)| case.weight).sum::<f64>().max(1e-9);
         let mean = |of: &dyn Fn(&(&Case, f64)) -> f64| {
-            own.iter().map(|pair| pair.0.weight * of(pair)).sum::<f64>() / total
+            of_origin.iter().map(|pair| pair.0.weight * of(pair)).sum::<f64>() / total
         };
         text += &format!(
             "| {:.1} to {:.1} | {} | {:.2} | {:.2} |\n",
             edge[0],
             edge[1].min(1.0),
-            own.len(),
+            of_origin.len(),
             mean(&|pair| pair.1),
             mean(&|pair| f64::from(u8::from(pair.0.is_real)))
         );
@@ -224,15 +225,15 @@ fn by_cause(pairs: &[(&Case, f64)]) -> String {
     let mut text = String::from(
         "| cause | candidates | real | Brier | named | real of named |\n|---|---|---|---|---|---|\n",
     );
-    for (cause, own) in causes {
+    for (cause, pairs) in causes {
         let real = |pairs: &[&(&Case, f64)]| pairs.iter().filter(|(case, _)| case.is_real).count();
-        let named: Vec<&(&Case, f64)> = own.iter().filter(|(_, p)| *p >= NAMED).collect();
-        let squares = own.iter().map(|(case, p)| (p - f64::from(u8::from(case.is_real))).powi(2));
+        let named: Vec<&(&Case, f64)> = pairs.iter().filter(|(_, p)| *p >= NAMED).collect();
+        let squares = pairs.iter().map(|(case, p)| (p - f64::from(u8::from(case.is_real))).powi(2));
         text += &format!(
             "| {cause} | {} | {} | {:.3} | {} | {} |\n",
-            own.len(),
-            real(&own.iter().collect::<Vec<_>>()),
-            squares.sum::<f64>() / own.len() as f64,
+            pairs.len(),
+            real(&pairs.iter().collect::<Vec<_>>()),
+            squares.sum::<f64>() / pairs.len() as f64,
             named.len(),
             real(&named)
         );
@@ -243,9 +244,9 @@ fn by_cause(pairs: &[(&Case, f64)]) -> String {
 fn threshold(rows: &[EvidenceRow], probabilities: &[f64], least: f64) -> String {
     let grades = Grades::new(rows, probabilities, least);
     let wrong = |kind: &str| {
-        let own = grades.sum(|_, other| other == kind);
-        let all = own.right + own.abstained + own.wrong;
-        format!("{} of {all}", own.wrong)
+        let verdicts = grades.sum(|_, other| other == kind);
+        let all = verdicts.right + verdicts.abstained + verdicts.wrong;
+        format!("{} of {all}", verdicts.wrong)
     };
     let all = grades.sum(|_, _| true);
     let measured = grades.sum(|_, kind| kind == "measured");

@@ -36,7 +36,7 @@ fn log() -> (Vec<Track>, Parameters<f64>) {
         .with(Id::ViscousFriction, seal.k2)
         .with(Id::RadialForceCoulomb, seal.per_force)
         .with(Id::PressureCoulomb, seal.per_pressure);
-    (tracks(&simulated::dataset(&truth.log())), parameters)
+    (tracks(&simulated::dataset(truth.log())), parameters)
 }
 
 /// Repeats the runs up to two million rows.

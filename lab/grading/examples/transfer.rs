@@ -100,8 +100,11 @@ fn main() -> Result<ExitCode, String> {
         "machine                      plain  product  trees  handed over: causes (errors as shares of plain's)"
     );
     judged.iter().for_each(|of| println!("{}", of.line()));
-    let own = || judged.iter().filter(|of| of.is_of_repository);
-    println!("{}", summary(if logs.is_full() { "full files" } else { "excerpts" }, own()));
+    let of_repository = || judged.iter().filter(|of| of.is_of_repository);
+    println!(
+        "{}",
+        summary(if logs.is_full() { "full files" } else { "excerpts" }, of_repository())
+    );
     if arguments.folder.is_some() {
         let unclear = judged.iter().filter(|of| !of.is_of_repository);
         println!("{}", summary("licence unclear", unclear));
@@ -111,7 +114,7 @@ fn main() -> Result<ExitCode, String> {
         return Ok(ExitCode::SUCCESS);
     }
     let limits = if logs.is_full() { FULL_LIMITS } else { EXCERPT_LIMITS };
-    let missed = limits.missed(own());
+    let missed = limits.missed(of_repository());
     missed.iter().for_each(|why| println!("missed: {why}"));
     Ok(if missed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
@@ -121,7 +124,7 @@ fn main() -> Result<ExitCode, String> {
 fn machines(logs: &MeasuredLogs, arguments: &Arguments) -> Result<Vec<Machine>, String> {
     let file = logs.folder().join("right-answers.json");
     let answers = if file.is_file() { read_json(&file)? } else { Value::Null };
-    let own = LOGS.iter().flat_map(|(arguments, names)| {
+    let tables = LOGS.iter().flat_map(|(arguments, names)| {
         names.split(' ').map(|name| {
             let file = format!("{name}.csv");
             let usual = || arguments.split_whitespace().map(str::to_owned).collect();
@@ -129,7 +132,7 @@ fn machines(logs: &MeasuredLogs, arguments: &Arguments) -> Result<Vec<Machine>, 
             Machine { path: logs.file(&file), arguments, is_of_repository: true }
         })
     });
-    let mut machines: Vec<Machine> = own.collect();
+    let mut machines: Vec<Machine> = tables.collect();
     if let (Some(folder), Some(answers)) = (&arguments.folder, &arguments.answers) {
         for (file, answer) in read_json(answers)?.as_object().into_iter().flatten() {
             let (path, arguments) = (folder.join(file), command_line(answer));
@@ -178,10 +181,10 @@ fn judge(host_sim: &Path, machine: &Machine) -> Result<Judged, String> {
         Err(_) => true,
     };
     let rows: Vec<usize> = log.judging_rows().into_iter().filter(is_predicted).collect();
-    let own = plain(&log, &parts);
+    let prediction = plain(&log, &parts);
     let of_trees = trees(&log, &rows);
     Ok(Judged {
-        plain: log.rmse(&rows, |row| own[row]),
+        plain: log.rmse(&rows, |row| prediction[row]),
         trees: log.rmse(&rows, |row| of_trees[row]),
         product: product.map(|of| (log.rmse(&rows, |row| of.predicted[row]), of)),
         is_of_repository: machine.is_of_repository,

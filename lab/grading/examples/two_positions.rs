@@ -60,7 +60,8 @@ fn main() -> Result<(), String> {
 fn print(case: &PlayCase) {
     let (name, seed, play) = (case.fault.name(), case.seed, case.joint.gear.play_rad);
     let found = case.found.as_ref().map_or_else(String::new, |found| {
-        let figures: Vec<String> = found.figures.iter().map(|own| format!("{own:.2}")).collect();
+        let figures: Vec<String> =
+            found.figures.iter().map(|figure| format!("{figure:.2}")).collect();
         format!(
             "{:.2e}\t{:.2e}\t{:.3}\t{}",
             found.play.value,

@@ -84,9 +84,9 @@ fn main() -> Result<(), String> {
     let seeds: Vec<u64> = match arguments.world {
         Some(seed) => vec![seed],
         None => {
-            let own =
+            let is_chosen =
                 |seed: &u64| arguments.only.is_none_or(|k| k == unkind_worlds::sensor_kind(*seed));
-            unkind_worlds::seeds(arguments.seed).filter(own).take(arguments.worlds).collect()
+            unkind_worlds::seeds(arguments.seed).filter(is_chosen).take(arguments.worlds).collect()
         }
     };
     let families = match arguments.family {

@@ -234,7 +234,7 @@ fn leaf(
     let mut all = Sums::default();
     rows.iter().for_each(|row| all.add(slopes[*row]));
     let value = all.value(bounds);
-    let own = all.fall(value);
+    let undivided = all.fall(value);
     let mut split: Option<Split> = None;
     let mut try_split = |question: &dyn Fn() -> Question, yes: Sums, is_monotone: bool| {
         let no = all.less(yes);
@@ -243,7 +243,7 @@ fn leaf(
             return;
         }
         let cost = if is_monotone { 0.0 } else { CAUSE_COST };
-        let gain = yes.fall(values.0) + no.fall(values.1) - own - cost;
+        let gain = yes.fall(values.0) + no.fall(values.1) - undivided - cost;
         if gain > split.as_ref().map_or(1e-9, |split| split.gain) {
             split = Some(Split { question: question(), gain, values });
         }
@@ -252,16 +252,16 @@ fn leaf(
         let mut sums = vec![Sums::default(); limits.len() + 1];
         rows.iter().for_each(|row| sums[usize::from(data.bins[figure][*row])].add(slopes[*row]));
         let mut yes = Sums::default();
-        for (limit, own) in sums.iter().take(limits.len()).enumerate() {
-            yes = yes.plus(*own);
+        for (limit, bin_sums) in sums.iter().take(limits.len()).enumerate() {
+            yes = yes.plus(*bin_sums);
             try_split(&|| Question::Figure(figure, limit), yes, true);
         }
     }
     let mut sums: Vec<(Sums, usize)> =
         (0..data.causes.len()).map(|cause| (Sums::default(), cause)).collect();
     rows.iter().for_each(|row| sums[data.cause[*row]].0.add(slopes[*row]));
-    sums.retain(|(own, _)| own.count > 0);
-    let steepness = |own: &Sums| own.slope / (own.curvature + RIDGE);
+    sums.retain(|(bin_sums, _)| bin_sums.count > 0);
+    let steepness = |bin_sums: &Sums| bin_sums.slope / (bin_sums.curvature + RIDGE);
     sums.sort_by(|(a, _), (b, _)| steepness(a).total_cmp(&steepness(b)));
     let mut yes = Sums::default();
     for at in 0..sums.len() {

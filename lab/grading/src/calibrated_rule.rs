@@ -8,7 +8,7 @@
 
 use compensator_core::{ParameterId, Parameters};
 use friction_fit::Track;
-use friction_fit::scales::white_noise;
+use friction_fit::white_noise;
 use statrs::distribution::{ContinuousCDF, Normal};
 use stochastic_extension::certificate::is_unlimited;
 use stochastic_extension::range::{Ranges, share_beyond};

@@ -22,7 +22,7 @@ pub fn out_of_fold(cases: &[Case]) -> Vec<f64> {
     let models: Vec<Option<ContestCalibration>> = (0..folds).into_par_iter().map(without).collect();
     let odds = |case: &Case| {
         let model = models[case.fold].as_ref();
-        model.map_or(0.0, |own| own.log_odds(&case.cause, &case.follows, &case.figures))
+        model.map_or(0.0, |model| model.log_odds(&case.cause, &case.follows, &case.figures))
     };
     cases.iter().map(odds).collect()
 }
@@ -42,8 +42,8 @@ pub fn probabilities_out_of_fold(cases: &[Case], odds: &[f64]) -> Vec<f64> {
     for fold in 0..folds {
         let steps = isotonic(cases, odds, |case| case.fold != fold);
         let step = ContestCalibration { steps, ..ContestCalibration::default() };
-        let own = (0..cases.len()).filter(|at| cases[*at].fold == fold);
-        own.for_each(|at| probabilities[at] = step.calibrated(odds[at]));
+        let in_fold = (0..cases.len()).filter(|at| cases[*at].fold == fold);
+        in_fold.for_each(|at| probabilities[at] = step.calibrated(odds[at]));
     }
     probabilities
 }
@@ -115,18 +115,18 @@ mod tests {
         let odds = out_of_fold(&cases);
         let probabilities = probabilities_out_of_fold(&cases, &odds);
         for (low, high) in [(0.05, 0.2), (0.4, 0.6), (0.8, 0.95)] {
-            let own: Vec<(&Case, &f64)> = cases
+            let in_bin: Vec<(&Case, &f64)> = cases
                 .iter()
                 .zip(&probabilities)
                 .filter(|(_, p)| (low..high).contains(*p))
                 .collect();
-            let real = own.iter().filter(|(case, _)| case.is_real).count() as f64;
-            let mean = own.iter().map(|(_, p)| **p).sum::<f64>() / own.len() as f64;
-            assert!(own.len() > 100, "{} cases from {low} to {high}", own.len());
+            let real = in_bin.iter().filter(|(case, _)| case.is_real).count() as f64;
+            let mean = in_bin.iter().map(|(_, p)| **p).sum::<f64>() / in_bin.len() as f64;
+            assert!(in_bin.len() > 100, "{} cases from {low} to {high}", in_bin.len());
             assert!(
-                (real / own.len() as f64 - mean).abs() < 0.06,
+                (real / in_bin.len() as f64 - mean).abs() < 0.06,
                 "{low} to {high}: {real} of {}",
-                own.len()
+                in_bin.len()
             );
         }
     }

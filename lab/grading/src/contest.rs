@@ -186,7 +186,7 @@ fn probabilities(found: &Diagnosis, truth: &UnkindTruth) -> Vec<(f64, bool)> {
     let is_hidden = |name: &str| truth.is_hidden(name);
     let fitted = found.findings.iter().filter(|finding| {
         let name = finding.cause.name();
-        let was_weighed = found.candidates.iter().any(|own| own.cause == finding.cause);
+        let was_weighed = found.candidates.iter().any(|candidate| candidate.cause == finding.cause);
         was_weighed && !truth.true_of_the_log.contains(&name)
     });
     let real = |finding: &Finding| {
@@ -221,13 +221,13 @@ fn figures(found: &Diagnosis) -> Value {
 
 /// Returns the best candidates of a diagnosis, one line.
 pub(super) fn format_candidates(found: &Diagnosis) -> String {
-    let candidates = found.candidates.iter().take(5).map(|own| {
+    let candidates = found.candidates.iter().take(5).map(|candidate| {
         format!(
             "{}({}) {:.3} p {:.2}",
-            own.cause.name(),
-            own.columns().join(","),
-            own.figures.alone,
-            own.probability
+            candidate.cause.name(),
+            candidate.columns().join(","),
+            candidate.figures.alone,
+            candidate.probability
         )
     });
     candidates.collect::<Vec<_>>().join("; ")

@@ -58,11 +58,14 @@ pub fn figures(
         add("right first", all.right as f64);
         add("wrong first", all.wrong as f64);
     } else {
-        let of = |kind: &str| grades.sum(|_, own| own == kind);
+        let of = |kind: &str| grades.sum(|_, log_kind| log_kind == kind);
         let share = |part: usize, whole: usize| 100.0 * part as f64 / whole.max(1) as f64;
         let clean = of("clean");
         let seen = [of("one"), of("two")];
-        let total = seen.iter().map(|own| own.right + own.abstained + own.wrong).sum::<usize>();
+        let total = seen
+            .iter()
+            .map(|verdicts| verdicts.right + verdicts.abstained + verdicts.wrong)
+            .sum::<usize>();
         add("worlds", (all.right + all.abstained + all.wrong) as f64);
         add("detectable effects", all.effects as f64);
         add("detectable effects found, %", share(all.found, all.effects));
@@ -80,9 +83,12 @@ pub fn figures(
         .map(|(row, p)| (*p, f64::from(u8::from(row.truth == Truth::Real))))
         .collect();
     let real = |low: f64, high: f64| {
-        let own: Vec<f64> =
+        let probabilities: Vec<f64> =
             judged.iter().filter(|(p, _)| (low..high).contains(p)).map(|(_, y)| *y).collect();
-        (own.len() as f64, 100.0 * own.iter().sum::<f64>() / (own.len() as f64).max(1.0))
+        (
+            probabilities.len() as f64,
+            100.0 * probabilities.iter().sum::<f64>() / (probabilities.len() as f64).max(1.0),
+        )
     };
     for (name, low, high) in [("0.9 or more", 0.9, 2.0), ("0.6 to 0.9", 0.6, 0.9)] {
         add(&format!("findings at {name}"), real(low, high).0);
@@ -117,7 +123,7 @@ fn both_found(rows: &[EvidenceRow], probabilities: &[f64], named: f64) -> usize 
         })
     };
     let pairs = pairs(rows);
-    pairs.iter().filter(|(log, own)| own.iter().all(|cause| is_found(log, cause))).count()
+    pairs.iter().filter(|(log, causes)| causes.iter().all(|cause| is_found(log, cause))).count()
 }
 
 /// Returns the text of a table. Rows keep the limits of `before` while their values are within them; the others get limits

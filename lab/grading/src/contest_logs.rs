@@ -83,7 +83,7 @@ pub fn measured(folder: &Path) -> Result<Vec<KnownLog>, String> {
         log.set(&strings(&answer["args"]))?;
         logs.push(log);
     }
-    for known in MEASURED_LOGS.iter().filter(|own| answers.get(own.file).is_none()) {
+    for known in MEASURED_LOGS.iter().filter(|log| answers.get(log.file).is_none()) {
         if known.known.is_empty() {
             continue;
         }
@@ -159,16 +159,17 @@ impl KnownLog {
             ..self.row(cause)
         };
         let mut rows = vec![row("none")];
-        let is_candidate = |cause: &str| outcome.causes.iter().any(|own| own.key.cause == cause);
+        let is_candidate =
+            |cause: &str| outcome.causes.iter().any(|fitted| fitted.key.cause == cause);
         let missing = self.hidden.iter().filter(|(cause, _)| !is_candidate(cause));
         rows.extend(missing.map(|(cause, _)| row(cause)));
-        let candidate = |own: &Figures| EvidenceRow {
-            follows: own.key.follows(),
+        let candidate = |fitted: &Figures| EvidenceRow {
+            follows: fitted.key.follows(),
             is_candidate: true,
-            confusable_with: own.confusable_with.iter().map(|key| key.cause.into()).collect(),
-            plain: [own.inclusion, own.materiality()],
-            figures: figures(outcome, own),
-            ..row(own.key.cause)
+            confusable_with: fitted.confusable_with.iter().map(|key| key.cause.into()).collect(),
+            plain: [fitted.inclusion, fitted.materiality()],
+            figures: figures(outcome, fitted),
+            ..row(fitted.key.cause)
         };
         rows.extend(outcome.causes.iter().map(candidate));
         if self.is_measured {
@@ -182,8 +183,8 @@ impl KnownLog {
 
     /// Returns a row of a cause without evidence.
     fn row(&self, cause: &str) -> EvidenceRow {
-        let hidden = self.hidden.iter().find(|(own, _)| own == cause);
-        let is_listed = |list: &[String]| list.iter().any(|own| own == cause);
+        let hidden = self.hidden.iter().find(|(listed, _)| listed == cause);
+        let is_listed = |list: &[String]| list.iter().any(|listed| listed == cause);
         let is_real = hidden.is_some() || is_listed(&self.of_log);
         let truth = match (is_real, self.is_measured && !is_listed(&self.never)) {
             (true, _) => Truth::Real,
@@ -233,17 +234,17 @@ fn strings(value: &Value) -> Vec<String> {
 }
 
 fn rigid_body(parts: &[String]) -> Result<RigidBody, String> {
-    let mut own = RigidBody::default();
+    let mut rigid_body = RigidBody::default();
     for part in parts.iter().filter(|part| !part.is_empty()) {
         match part.as_str() {
-            "inertia" => own.inertia = true,
-            "gravity" => own.gravity = true,
-            "load" => own.load = true,
-            "offset" => own.offset = true,
+            "inertia" => rigid_body.inertia = true,
+            "gravity" => rigid_body.gravity = true,
+            "load" => rigid_body.load = true,
+            "offset" => rigid_body.offset = true,
             _ => return Err(format!("unknown rigid-body part {part}")),
         }
     }
-    Ok(own)
+    Ok(rigid_body)
 }
 
 #[cfg(test)]

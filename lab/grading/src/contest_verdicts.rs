@@ -50,22 +50,22 @@ impl Grades {
             by_log.entry(&row.log).or_default().push(at);
         }
         let mut grades = Self::default();
-        for own in by_log.values() {
-            grades.judge(rows, own, score, least);
+        for log_rows in by_log.values() {
+            grades.judge(rows, log_rows, score, least);
         }
         grades
     }
 
-    fn judge(&mut self, rows: &[EvidenceRow], own: &[usize], score: &[f64], least: f64) {
-        let log = &rows[own[0]];
-        let mut named: Vec<usize> = own.to_vec();
+    fn judge(&mut self, rows: &[EvidenceRow], log_rows: &[usize], score: &[f64], least: f64) {
+        let log = &rows[log_rows[0]];
+        let mut named: Vec<usize> = log_rows.to_vec();
         named.retain(|at| {
             let row = &rows[*at];
             row.is_candidate && score[*at] >= least && (!row.is_of_log || row.is_detectable)
         });
         named.sort_by(|a, b| score[*b].total_cmp(&score[*a]));
         let effects: Vec<&EvidenceRow> =
-            own.iter().map(|at| &rows[*at]).filter(|row| row.is_detectable).collect();
+            log_rows.iter().map(|at| &rows[*at]).filter(|row| row.is_detectable).collect();
         let is_named =
             |effect: &EvidenceRow| named.iter().any(|at| rows[*at].cause == effect.cause);
         let is_real = |row: &EvidenceRow| {
@@ -86,7 +86,7 @@ impl Grades {
             Some(first) if is_real(first) => group.right += 1,
             Some(first) => {
                 group.wrong += 1;
-                let hidden: Vec<&str> = own
+                let hidden: Vec<&str> = log_rows
                     .iter()
                     .map(|at| &rows[*at])
                     .filter(|row| row.truth == Truth::Real && !row.is_of_log)
@@ -112,13 +112,13 @@ impl Grades {
     /// Returns the sum over the groups that meet a condition.
     pub fn sum(&self, is_meant: impl Fn(&str, &str) -> bool) -> Verdicts {
         let mut sum = Verdicts::default();
-        for ((origin, kind), own) in &self.groups {
+        for ((origin, kind), verdicts) in &self.groups {
             if is_meant(origin, kind) {
-                sum.right += own.right;
-                sum.abstained += own.abstained;
-                sum.wrong += own.wrong;
-                sum.effects += own.effects;
-                sum.found += own.found;
+                sum.right += verdicts.right;
+                sum.abstained += verdicts.abstained;
+                sum.wrong += verdicts.wrong;
+                sum.effects += verdicts.effects;
+                sum.found += verdicts.found;
             }
         }
         sum
@@ -129,18 +129,18 @@ impl Grades {
         let mut text = String::from(
             "| origin | hidden | right | abstained | wrong | effects found |\n|---|---|---|---|---|---|\n",
         );
-        let mut line = |origin: &str, kind: &str, own: &Verdicts| {
-            let Verdicts { right, abstained, wrong, effects, found } = own;
+        let mut line = |origin: &str, kind: &str, verdicts: &Verdicts| {
+            let Verdicts { right, abstained, wrong, effects, found } = verdicts;
             let _ = writeln!(
                 text,
                 "| {origin} | {kind} | {right} | {abstained} | {wrong} | {found} of {effects} |"
             );
         };
-        for ((origin, kind), own) in &self.groups {
-            line(origin, kind, own);
+        for ((origin, kind), verdicts) in &self.groups {
+            line(origin, kind, verdicts);
         }
         for kind in ["clean", "not detectable", "one", "two", "measured"] {
-            line("all", kind, &self.sum(|_, own| own == kind));
+            line("all", kind, &self.sum(|_, log_kind| log_kind == kind));
         }
         text += "\n| cause | detectable | found |\n|---|---|---|\n";
         for (cause, (all, found)) in &self.causes {

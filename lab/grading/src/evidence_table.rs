@@ -23,11 +23,11 @@ impl Truth {
         [(Truth::Real, "1"), (Truth::Accepted, "a"), (Truth::False, "0"), (Truth::Unknown, "-")];
 
     fn text(self) -> &'static str {
-        Self::ALL.iter().find(|(own, _)| *own == self).map_or("-", |(_, text)| text)
+        Self::ALL.iter().find(|(variant, _)| *variant == self).map_or("-", |(_, text)| text)
     }
 
     fn parse(text: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, own)| *own == text).map(|(own, _)| *own)
+        Self::ALL.iter().find(|(_, name)| *name == text).map(|(variant, _)| *variant)
     }
 }
 

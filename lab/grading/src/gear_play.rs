@@ -63,7 +63,7 @@ pub fn fit(cases: &[PlayCase]) -> Calibration {
     let with_play = cases.iter().filter(|case| is_play(case)).count().max(1) as f64;
     let others = (cases.len() as f64 - with_play).max(1.0);
     let weight = |play: bool| if play { PRIOR / with_play } else { (1.0 - PRIOR) / others };
-    let own: Vec<([f64; FIGURES.len()], bool)> = cases
+    let figures_of_cases: Vec<([f64; FIGURES.len()], bool)> = cases
         .iter()
         .filter_map(|case| {
             let found = case.found.as_ref().filter(|found| found.play.value > 0.0)?;
@@ -71,12 +71,15 @@ pub fn fit(cases: &[PlayCase]) -> Calibration {
         })
         .collect();
     let mean: Vec<f64> = (0..FIGURES.len())
-        .map(|at| own.iter().map(|(figures, _)| figures[at]).sum::<f64>() / own.len().max(1) as f64)
+        .map(|at| {
+            figures_of_cases.iter().map(|(figures, _)| figures[at]).sum::<f64>()
+                / figures_of_cases.len().max(1) as f64
+        })
         .collect();
     let (mut start, mut weights) = (0.0, [0.0; FIGURES.len()]);
     for _ in 0..STEPS {
         let (mut of_start, mut of_weights) = (0.0, [0.0; FIGURES.len()]);
-        for (figures, play) in &own {
+        for (figures, play) in &figures_of_cases {
             let centred = |at: usize| figures[at] - mean[at];
             let sum: f64 = (0..FIGURES.len()).map(|at| weights[at] * centred(at)).sum();
             let target = f64::from(u8::from(*play));
@@ -117,28 +120,28 @@ pub fn table(seed: u64, cases: &[PlayCase]) -> String {
         cases.len()
     );
     for fault in GearFault::ALL {
-        let own: Vec<&PlayCase> = cases.iter().filter(|case| case.fault == fault).collect();
-        let named = own.iter().filter(|case| case.named().is_some()).count();
-        let none = own.iter().filter(|case| case.found.is_none()).count();
-        text += &format!("{}\t{}\t{named}\t{none}\n", fault.name(), own.len());
+        let of_fault: Vec<&PlayCase> = cases.iter().filter(|case| case.fault == fault).collect();
+        let named = of_fault.iter().filter(|case| case.named().is_some()).count();
+        let none = of_fault.iter().filter(|case| case.found.is_none()).count();
+        text += &format!("{}\t{}\t{named}\t{none}\n", fault.name(), of_fault.len());
     }
     let play: Vec<&PlayCase> = cases.iter().filter(|case| case.fault == GearFault::Play).collect();
     type Ratio = (&'static str, fn(&PlayCase) -> f64, [f64; 5]);
     const RATIOS: [Ratio; 4] = [
-        ("play / mrad", |own| 1e3 * own.joint.gear.play_rad, [0.2, 0.5, 1.0, 2.0, 5.0]),
+        ("play / mrad", |case| 1e3 * case.joint.gear.play_rad, [0.2, 0.5, 1.0, 2.0, 5.0]),
         (
             "play / torsion",
-            |own| own.joint.gear.play_rad / own.torsion_rad(),
+            |case| case.joint.gear.play_rad / case.torsion_rad(),
             [0.0, 0.5, 1.0, 2.0, 5.0],
         ),
         (
             "play / encoder step",
-            |own| own.joint.gear.play_rad / own.joint.encoder.step_rad,
+            |case| case.joint.gear.play_rad / case.joint.encoder.step_rad,
             [0.0, 3.0, 10.0, 30.0, 100.0],
         ),
         (
             "play / eccentricity",
-            |own| own.joint.gear.play_rad / own.joint.encoder.eccentricity.size,
+            |case| case.joint.gear.play_rad / case.joint.encoder.eccentricity.size,
             [0.0, 1.0, 3.0, 10.0, 30.0],
         ),
     ];
@@ -152,10 +155,10 @@ pub fn table(seed: u64, cases: &[PlayCase]) -> String {
             let is_in = |case: &&&PlayCase| {
                 ratio(case) >= *low && high.is_none_or(|high| ratio(case) < high)
             };
-            let own: Vec<&PlayCase> = play.iter().filter(is_in).copied().collect();
+            let in_range: Vec<&PlayCase> = play.iter().filter(is_in).copied().collect();
             let range =
                 high.map_or_else(|| format!("{low} and more"), |high| format!("{low} to {high}"));
-            text += &format!("{range}\t{}\n", counts(&own));
+            text += &format!("{range}\t{}\n", counts(&in_range));
         }
     }
     text

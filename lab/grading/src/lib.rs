@@ -20,6 +20,7 @@ pub mod regression;
 mod regression_trees;
 mod regressors;
 pub mod score;
+mod statistics;
 mod stop_operator;
 pub mod transfer_log;
 pub mod transfer_product;

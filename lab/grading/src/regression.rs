@@ -179,10 +179,10 @@ pub fn regress(data: &Dataset, rigid_body: &[&str]) -> Regression {
     let rows = LongData::new(data);
     let base = best_base(&rows, rigid_body);
     let causes = cause_regressors(&rows, &base, rigid_body);
-    let own = base.regressors.len();
+    let base_count = base.regressors.len();
     let columns: Vec<&Regressor> = base.regressors.iter().chain(&causes.regressors).collect();
     let products = Products::new(&columns, &rows.torque, &folds(&rows));
-    let mut chosen: Vec<usize> = (0..own).collect();
+    let mut chosen: Vec<usize> = (0..base_count).collect();
     let mut errors = products.held_out_errors(&chosen);
     let begin: f64 = errors.iter().sum();
     let (mut named, mut candidates) = (Vec::new(), Vec::new());
@@ -190,7 +190,7 @@ pub fn regress(data: &Dataset, rigid_body: &[&str]) -> Regression {
         let before: f64 = errors.iter().sum();
         let tried = causes.causes.iter().filter(|(name, _)| !named.contains(name));
         let tried = tried.map(|(name, places)| {
-            let places = places.iter().map(|place| own + place);
+            let places = places.iter().map(|place| base_count + place);
             let new = places.filter(|place| !chosen.contains(place));
             let with: Vec<usize> = chosen.iter().copied().chain(new).collect();
             (*name, products.held_out_errors(&with), with)

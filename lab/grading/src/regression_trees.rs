@@ -126,9 +126,9 @@ impl Binned {
         let mut best: Option<BestSplit> = None;
         for (column, sums) in histogram.chunks_exact(BINS).enumerate() {
             let mut below = Sums::default();
-            for (bin, own) in sums.iter().enumerate().take(self.limits[column].len()) {
-                below.residual += own.residual;
-                below.rows += own.rows;
+            for (bin, bin_sums) in sums.iter().enumerate().take(self.limits[column].len()) {
+                below.residual += bin_sums.residual;
+                below.rows += bin_sums.rows;
                 let above = all.minus(below);
                 if below.rows < MIN_ROWS || above.rows < MIN_ROWS {
                     continue;
@@ -178,8 +178,8 @@ fn grow(binned: &Binned, residual: &mut [f64]) -> Vec<Node> {
             parent.rows.iter().partition(|row| usize::from(bins[**row as usize]) <= bin);
         let is_below_smaller = below.len() < above.len();
         let smaller = binned.histogram(if is_below_smaller { &below } else { &above }, residual);
-        for (own, part) in parent.histogram.iter_mut().zip(&smaller) {
-            *own = own.minus(*part);
+        for (sibling, part) in parent.histogram.iter_mut().zip(&smaller) {
+            *sibling = sibling.minus(*part);
         }
         let (first, second) = if is_below_smaller {
             (smaller, parent.histogram)

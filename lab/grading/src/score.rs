@@ -1,6 +1,7 @@
 //! Scores a set of unkind worlds: tables by sensors and by size of the effect, and the misses.
 
 use super::contest::{Answer, Contest, Verdict};
+use super::statistics::quantile;
 use std::fmt::Write;
 use unkind_worlds::SensorKind;
 
@@ -60,12 +61,6 @@ fn share(good: usize, all: usize) -> String {
     format!("{good} of {all} ({:.1} %)", 100.0 * good as f64 / all.max(1) as f64)
 }
 
-fn percentile(mut values: Vec<f64>, at: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let index = (at * (values.len().max(1) - 1) as f64).round() as usize;
-    values.get(index).copied().unwrap_or(f64::NAN)
-}
-
 /// Returns the tables, without the misses and without machine-dependent values.
 pub fn tables(contests: &[Contest]) -> String {
     let pick =
@@ -96,8 +91,9 @@ pub fn tables(contests: &[Contest]) -> String {
     causes.sort_unstable();
     causes.dedup();
     for cause in causes {
-        let own = |c: &Contest| hides(c) && c.truth.is_detectable() && c.truth.cause() == cause;
-        row(&mut text, cause, &pick(&own));
+        let is_of_cause =
+            |c: &Contest| hides(c) && c.truth.is_detectable() && c.truth.cause() == cause;
+        row(&mut text, cause, &pick(&is_of_cause));
     }
     text += "\n| quantity | diagnosis | regression |\n|---|---|---|\n";
     let both = |of: &dyn Fn(Vec<&Answer>) -> String| {
@@ -131,19 +127,19 @@ fn calibration(contests: &[Contest]) -> String {
     let mut text =
         String::from("\n| probability of a finding | findings | real |\n|---|---|---|\n");
     for bounds in PROBABILITY_BINS.windows(2) {
-        let own: Vec<bool> = findings
+        let are_real: Vec<bool> = findings
             .iter()
             .filter(|(p, _)| (bounds[0]..bounds[1]).contains(p))
             .map(|f| f.1)
             .collect();
-        let real = own.iter().filter(|real| **real).count();
+        let real = are_real.iter().filter(|real| **real).count();
         let _ = writeln!(
             text,
             "| {:.1} to {:.1} | {} | {} |",
             bounds[0],
             bounds[1],
-            own.len(),
-            share(real, own.len())
+            are_real.len(),
+            share(real, are_real.len())
         );
     }
     let error = |(p, real): &(f64, bool)| (p - f64::from(u8::from(*real))).powi(2);
@@ -172,7 +168,7 @@ pub fn file(contests: &[Contest], seed: u64, tables: &str) -> String {
 pub fn times(contests: &[Contest]) -> String {
     let of = |side: Side| {
         let seconds: Vec<f64> = contests.iter().filter_map(side).map(|a| a.seconds).collect();
-        let at = |share| percentile(seconds.clone(), share);
+        let at = |share| quantile(seconds.iter().copied(), share);
         format!("median {:.2} s, 95 % {:.2} s, most {:.2} s", at(0.5), at(0.95), at(1.0))
     };
     format!("processor time: diagnosis {}; regression {}", of(ours), of(rival))

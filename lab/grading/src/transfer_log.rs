@@ -3,6 +3,7 @@
 //! The table is kept as it lies in the file, so that the parts can be written as logs of their own, which a program reads as any
 //! other log. Every third run is the test; of fewer than three runs it is the last 30 % of the rows.
 
+use crate::statistics::quantile;
 use joint_log::{Cells, Table, parquet_table};
 use std::path::Path;
 
@@ -54,11 +55,11 @@ impl TransferLog {
 
     /// Parts the rows of a table.
     fn new(table: Table, renamed: &[(String, String)]) -> Result<Self, String> {
-        let own = |name: &String| {
+        let renamed_to = |name: &String| {
             let pair = renamed.iter().find(|(_, theirs)| theirs == name);
             pair.map_or(name, |(ours, _)| ours).clone()
         };
-        let names: Vec<String> = table.columns.iter().map(|(name, _)| own(name)).collect();
+        let names: Vec<String> = table.columns.iter().map(|(name, _)| renamed_to(name)).collect();
         let rows = table.columns.first().map_or(0, |(_, cells)| cells.len());
         let runs = names.iter().position(|name| name == "run");
         let run_of = |row: usize| runs.map_or(String::new(), |at| table.columns[at].1.text_of(row));
@@ -89,14 +90,14 @@ impl TransferLog {
         };
         (log.time, log.velocity, log.torque) =
             (column(&["time_s"])?, column(&["velocity"])?, column(&["torque_nm", "force_n"])?);
-        log.speed = percentile_95(log.velocity.iter().map(|velocity| velocity.abs()).collect());
+        log.speed = quantile(log.velocity.iter().map(|velocity| velocity.abs()), 0.95);
         Ok(log)
     }
 
     /// Returns the numbers of a column; missing ones are interpolated. `None` if there is no such column, or none of its cells
     /// is a number.
     pub fn column(&self, name: &str) -> Option<Vec<f64>> {
-        let at = self.names.iter().position(|own| own == name)?;
+        let at = self.names.iter().position(|known| known == name)?;
         let cells = &self.table.columns[at].1;
         let number = |row: &usize| match cells {
             Cells::Numbers(cells) => cells[*row],
@@ -115,7 +116,8 @@ impl TransferLog {
     /// Returns the numbers of all columns that are neither run, time, motion nor torque.
     pub fn covariates(&self) -> Vec<Vec<f64>> {
         let other = ["run", "time_s", "torque", "force", "velocity", "position"];
-        let names = self.names.iter().filter(|name| !other.iter().any(|own| name.starts_with(own)));
+        let names =
+            self.names.iter().filter(|name| !other.iter().any(|start| name.starts_with(start)));
         names.filter_map(|name| self.column(name)).collect()
     }
 
@@ -197,14 +199,6 @@ fn fill_gaps(numbers: &mut [f64]) -> bool {
         }
     }
     true
-}
-
-/// Returns the 95th percentile, between the two nearest values.
-fn percentile_95(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let place = 0.95 * values.len().saturating_sub(1) as f64;
-    let at = |place: f64| values.get(place as usize).copied().unwrap_or_default();
-    at(place.floor()) + place.fract() * (at(place.ceil()) - at(place.floor()))
 }
 
 #[cfg(test)]

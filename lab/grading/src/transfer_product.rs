@@ -144,7 +144,7 @@ mod tests {
         let log = log_of(
             "run,time_s,velocity_rad_s,torque_nm\na,0,1,1\nb,0,1,1\nc,0,1,1\nc,0.1,1,1\nc,0.2,1,1\n",
         );
-        let texts = |list: &[&str]| Cells::Texts(list.iter().map(|own| (*own).into()).collect());
+        let texts = |list: &[&str]| Cells::Texts(list.iter().map(|text| (*text).into()).collect());
         let columns = vec![
             ("run".into(), texts(&["a", "c", "c"])),
             ("time_s".into(), Cells::Numbers(vec![0.0, 0.2, 0.000_000_1])),

@@ -4,6 +4,7 @@
 //! log and a short history of the motion. Both are fitted to the training rows.
 
 use crate::regression_trees::RegressionTrees;
+use crate::statistics::quantile;
 use crate::transfer_log::TransferLog;
 use nalgebra::{DMatrix, DVector};
 
@@ -156,9 +157,8 @@ fn acceleration(log: &TransferLog) -> Vec<f64> {
 fn median_step(log: &TransferLog) -> f64 {
     let runs = log.runs().into_iter();
     let steps = runs.flat_map(|run| (run.start + 1..run.end).map(|at| (at, at - 1)));
-    let mut steps: Vec<f64> = steps.map(|(at, last)| log.time[at] - log.time[last]).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(1.0)
+    let median_s = quantile(steps.map(|(at, last)| log.time[at] - log.time[last]), 0.5);
+    if median_s.is_nan() { 1.0 } else { median_s }
 }
 
 #[cfg(test)]

@@ -114,8 +114,8 @@ fn main() {
         })
         .collect();
     text += "\nseed\tfault\tat_s\tnoticed\tsafe\tformer_set\twhy\n";
-    for own in &faults {
-        let FaultGrade { seed, fault, at_s, is_noticed, is_safe, is_former, why } = own;
+    for grade in &faults {
+        let FaultGrade { seed, fault, at_s, is_noticed, is_safe, is_former, why } = grade;
         let fault = fault.name();
         let _ = writeln!(
             text,

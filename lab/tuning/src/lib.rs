@@ -193,18 +193,18 @@ fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), Str
     let stand = stand_of(case, &joint, start)?;
     let session = stand.tune(&options(case.seed, LIMITS))?;
     let claim = |quantity: TuneQuantity| {
-        let found = session.report.gains.iter().find(|own| own.quantity == quantity);
-        found.map_or([0.0; 3], |own| [own.gain, own.ci95[0], own.ci95[1]])
+        let found = session.report.gains.iter().find(|gain| gain.quantity == quantity);
+        found.map_or([0.0; 3], |gain| [gain.gain, gain.ci95[0], gain.ci95[1]])
     };
     let truth = stand.truth();
     let (true_gains, true_errors_rad) = if session.is_saved() {
         let gains = truth.gains(&trial_rounds(&session), [TuneArm::Former, session.report.arm]);
         let errors =
-            [gains.each_ref().map(|own| own.before), gains.each_ref().map(|own| own.after)];
-        (gains.map(|own| [own.gain, own.ci95[0], own.ci95[1]]), errors)
+            [gains.each_ref().map(|gain| gain.before), gains.each_ref().map(|gain| gain.after)];
+        (gains.map(|gain| [gain.gain, gain.ci95[0], gain.ci95[1]]), errors)
     } else {
         let baseline = session.recordings.first();
-        let errors = baseline.map(|(own, _)| truth.scored(own).scores);
+        let errors = baseline.map(|(recording, _)| truth.scored(recording).scores);
         let errors = errors.map_or([f64::NAN; 2], |scores| [scores[0], scores[1]]);
         ([[0.0; 3]; 2], [errors; 2])
     };

@@ -80,9 +80,9 @@ impl Rival {
         let mut sums = [[0.0; 4]; 2];
         for pair in 0..PAIRS {
             let order = if pair % 2 == 0 { [0, 1] } else { [1, 0] };
-            for own in order {
-                let tuned = if own == 0 { best } else { &&self.saved };
-                for (sum, error) in sums[own].iter_mut().zip(perform(tuned)?) {
+            for contender in order {
+                let tuned = if contender == 0 { best } else { &&self.saved };
+                for (sum, error) in sums[contender].iter_mut().zip(perform(tuned)?) {
                     *sum += error;
                 }
             }

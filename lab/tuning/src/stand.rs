@@ -66,7 +66,7 @@ impl Truth {
         let apart: Vec<f64> = pairs.map(|(a, b)| a.position_rad - b.position_rad).collect();
         let count = apart.len().max(1) as f64;
         let mean = apart.iter().sum::<f64>() / count;
-        (apart.iter().map(|own| (own - mean).powi(2)).sum::<f64>() / count).sqrt()
+        (apart.iter().map(|distance| (distance - mean).powi(2)).sum::<f64>() / count).sqrt()
     }
 
     /// Returns how well a recording follows its demand by the true position.

@@ -24,11 +24,12 @@ fn percent(share: f64) -> String {
 /// Returns the rows of the summary.
 pub fn rows(grades: &[Grade], faults: &[FaultGrade]) -> Vec<Row> {
     let part = |hidden: bool, start: Start| -> Vec<&Grade> {
-        let is = |own: &&Grade| own.case.hidden.is_some() == hidden && own.case.start == start;
+        let is =
+            |grade: &&Grade| grade.case.hidden.is_some() == hidden && grade.case.start == start;
         grades.iter().filter(is).collect()
     };
     let mut all = Vec::new();
-    for (name, own, goals) in [
+    for (name, of_part, goals) in [
         (
             "hidden effect, as commissioned",
             part(true, Start::Commissioned),
@@ -36,30 +37,31 @@ pub fn rows(grades: &[Grade], faults: &[FaultGrade]) -> Vec<Row> {
         ),
         ("hidden effect that appeared after tuning", part(true, Start::TunedBefore), ["", "", ""]),
     ] {
-        all.extend(part_rows(name, &own, goals));
+        all.extend(part_rows(name, &of_part, goals));
     }
     let clean = part(false, Start::TunedBefore);
     let count = clean.len();
-    let unchanged = clean.iter().filter(|own| !own.is_saved).count();
-    let worse = clean.iter().filter(|own| own.is_worse()).count();
+    let unchanged = clean.iter().filter(|grade| !grade.is_saved).count();
+    let worse = clean.iter().filter(|grade| grade.is_worse()).count();
     let mut push = |what: &str, joints: usize, figure: String, goal: &str| {
         all.push([what.to_owned(), joints.to_string(), figure, goal.to_owned()]);
     };
     push("clean and tuned: nothing changed", count, unchanged.to_string(), "90 %");
     push("clean and tuned: worse afterwards", count, worse.to_string(), "0");
-    let safe = faults.iter().filter(|own| own.is_noticed && own.is_safe && own.is_former).count();
+    let safe =
+        faults.iter().filter(|grade| grade.is_noticed && grade.is_safe && grade.is_former).count();
     push("fault in the middle: safe, former set", faults.len(), safe.to_string(), "all");
     all
 }
 
-fn part_rows(name: &str, own: &[&Grade], [reversal, rms, ahead]: [&str; 3]) -> Vec<Row> {
-    let saved = own.iter().filter(|own| own.is_saved);
-    let worse = own.iter().filter(|own| own.is_worse()).count();
-    let gain = |place: usize| median(own.iter().map(|own| own.true_gains[place][0]));
+fn part_rows(name: &str, grades: &[&Grade], [reversal, rms, ahead]: [&str; 3]) -> Vec<Row> {
+    let saved = grades.iter().filter(|grade| grade.is_saved);
+    let worse = grades.iter().filter(|grade| grade.is_worse()).count();
+    let gain = |place: usize| median(grades.iter().map(|grade| grade.true_gains[place][0]));
     let lead = |measure: usize, place: usize| {
-        1.0 - 1.0 / median(own.iter().map(|own| own.rival_ratio[measure][place]))
+        1.0 - 1.0 / median(grades.iter().map(|grade| grade.rival_ratio[measure][place]))
     };
-    let named = own.iter().filter(|own| own.is_named()).count();
+    let named = grades.iter().filter(|grade| grade.is_named()).count();
     let figures = [
         ("new set saved", saved.count().to_string(), ""),
         ("error at reversals less, median", percent(gain(0)), reversal),
@@ -76,7 +78,7 @@ fn part_rows(name: &str, own: &[&Grade], [reversal, rms, ahead]: [&str; 3]) -> V
         ("hidden effect named first", named.to_string(), ""),
     ];
     let row = |(what, figure, goal): (&str, String, &str)| {
-        [format!("{name}: {what}"), own.len().to_string(), figure, goal.to_owned()]
+        [format!("{name}: {what}"), grades.len().to_string(), figure, goal.to_owned()]
     };
     figures.into_iter().map(row).collect()
 }

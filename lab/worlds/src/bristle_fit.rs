@@ -112,11 +112,11 @@ fn solve(mut normal: [[f64; PARAMETERS + 1]; PARAMETERS], damping: f64) -> [f64;
         row[at] = row[at] * (1.0 + damping) + f64::MIN_POSITIVE;
     }
     for pivot in 0..PARAMETERS {
-        let own = normal[pivot];
+        let pivot_row = normal[pivot];
         for (at, row) in normal.iter_mut().enumerate() {
-            if at != pivot && own[pivot] != 0.0 {
-                let share = row[pivot] / own[pivot];
-                row.iter_mut().zip(own).for_each(|(x, p)| *x -= share * p);
+            if at != pivot && pivot_row[pivot] != 0.0 {
+                let share = row[pivot] / pivot_row[pivot];
+                row.iter_mut().zip(pivot_row).for_each(|(x, p)| *x -= share * p);
             }
         }
     }

@@ -392,9 +392,10 @@ fn draw_conditions(
         }
         let correlation = sampler.between(0.3, 0.9);
         strongest = strongest.max(correlation);
-        let own = (1.0f64 - correlation * correlation).sqrt();
+        let independent = (1.0f64 - correlation * correlation).sqrt();
         for run in 0..runs {
-            levels[follower][run] = correlation * levels[leader][run] + own * levels[follower][run];
+            levels[follower][run] =
+                correlation * levels[leader][run] + independent * levels[follower][run];
             shapes[follower][run] = shapes[leader][run];
         }
     }

@@ -94,8 +94,8 @@ impl HiddenEffect {
     /// Returns the columns that the effect follows.
     pub fn columns(&self, campaign: &Campaign) -> Vec<&'static str> {
         let added = |meant: &[AddedColumn]| {
-            let own = campaign.added.iter().filter(|(_, column)| meant.contains(column));
-            own.map(|(name, _)| *name).collect()
+            let columns = campaign.added.iter().filter(|(_, column)| meant.contains(column));
+            columns.map(|(name, _)| *name).collect()
         };
         match self {
             Self::Joint(drawn) => drawn.columns(),
@@ -120,22 +120,27 @@ impl HiddenEffect {
                 let words = format!("encoder-error of {:.1e} rad", error.size);
                 ("rad", Some(error.order), vec![("phase_rad", error.phase)], words)
             }
-            Self::Coupling(own) => {
-                let [inertia, square, product] = own.shares;
+            Self::Coupling(coupling) => {
+                let [inertia, square, product] = coupling.shares;
                 let details =
                     vec![("acceleration", inertia), ("square", square), ("product", product)];
-                ("Nm", None, details, format!("joint-coupling of {:.2e} Nm", own.size))
+                ("Nm", None, details, format!("joint-coupling of {:.2e} Nm", coupling.size))
             }
-            Self::Payload(own) => {
-                let details = vec![("weight", own.shares[0]), ("inertia", own.shares[1])];
-                ("Nm", None, details, format!("payload of {:.2e} Nm", own.size))
+            Self::Payload(payload) => {
+                let details = vec![("weight", payload.shares[0]), ("inertia", payload.shares[1])];
+                ("Nm", None, details, format!("payload of {:.2e} Nm", payload.size))
             }
-            Self::Along(own) => {
-                let (what, details) = match own.shape {
+            Self::Along(along) => {
+                let (what, details) = match along.shape {
                     TravelShape::Slope => ("a slope", Vec::new()),
                     TravelShape::Dip { at, width } => ("a dip", vec![("at", at), ("width", width)]),
                 };
-                ("1", None, details, format!("unknown: {what} of {:.2} along the travel", own.size))
+                (
+                    "1",
+                    None,
+                    details,
+                    format!("unknown: {what} of {:.2} along the travel", along.size),
+                )
             }
         };
         Hidden {

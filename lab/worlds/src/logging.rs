@@ -104,11 +104,11 @@ impl World {
             "pressure_diff_pa" => read(&|t| condition.pressure.at(t)),
             "temperature_c" => read(&|t| condition.temperature.at(t)),
             "load_torque_nm" => read(&|t| condition.load.at(t)),
-            _ => match added.iter().find(|(own, _)| *own == name) {
+            _ => match added.iter().find(|(added_name, _)| *added_name == name) {
                 Some((_, column)) => self.added_column(*column, run, logged),
                 None => {
-                    let own = condition.extras.iter().find(|(extra, _)| extra.column() == name);
-                    let signal = own.map(|(_, signal)| *signal).unwrap_or_default();
+                    let extra = condition.extras.iter().find(|(extra, _)| extra.column() == name);
+                    let signal = extra.map(|(_, signal)| *signal).unwrap_or_default();
                     read(&|t| signal.at(t))
                 }
             },

@@ -102,22 +102,23 @@ impl Mechanism {
 
     /// Returns the torque by the payload and by other joints, Nm.
     pub fn added(&self, beside: &Beside, point: &Point, acceleration: f64) -> f64 {
-        let coupled = self.coupling.zip(beside.other.as_ref()).map_or(0.0, |(own, motion)| {
+        let coupled = self.coupling.zip(beside.other.as_ref()).map_or(0.0, |(coupling, motion)| {
             let Instant { velocity, acceleration, .. } = motion.at(point.t);
-            let (reference_rad_s, reference_rad_s2) = own.reference;
+            let (reference_rad_s, reference_rad_s2) = coupling.reference;
             let speed = velocity / reference_rad_s;
             let products = [
                 acceleration / reference_rad_s2,
                 speed * speed.abs(),
                 speed * point.velocity / reference_rad_s,
             ];
-            own.size * products.iter().zip(own.shares).map(|(x, share)| x * share).sum::<f64>()
+            coupling.size
+                * products.iter().zip(coupling.shares).map(|(x, share)| x * share).sum::<f64>()
         });
-        let carried = self.payload.map_or(0.0, |own| {
-            let weight = (point.angle + own.phase).sin();
-            let inertia = acceleration / own.reference_rad_s2;
-            let [of_weight, of_inertia] = own.shares;
-            own.size * beside.payload.at(point.t) * (of_weight * weight + of_inertia * inertia)
+        let carried = self.payload.map_or(0.0, |payload| {
+            let weight = (point.angle + payload.phase).sin();
+            let inertia = acceleration / payload.reference_rad_s2;
+            let [of_weight, of_inertia] = payload.shares;
+            payload.size * beside.payload.at(point.t) * (of_weight * weight + of_inertia * inertia)
         });
         coupled + carried
     }

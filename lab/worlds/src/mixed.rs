@@ -173,7 +173,9 @@ fn long(run: &RunPlan, drive: &Drive) -> Drive {
 
 /// Adds columns that have no effect.
 fn draw_decoys(sampler: &mut Sampler, campaign: &mut Campaign) {
-    let has = |campaign: &Campaign, column| campaign.added.iter().any(|(_, own)| *own == column);
+    let has = |campaign: &Campaign, column| {
+        campaign.added.iter().any(|(_, added_column)| *added_column == column)
+    };
     if sampler.chance(DECOY_SHARE) && !has(campaign, AddedColumn::OtherVelocity) {
         add_other_joint(sampler, campaign);
     }
@@ -314,7 +316,7 @@ fn draw_along(sampler: &mut Sampler, campaign: &Campaign) -> HiddenEffect {
     let ends = campaign
         .trajectories()
         .iter()
-        .flat_map(|own| own.points.clone())
+        .flat_map(|trajectory| trajectory.points.clone())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| {
             (low.min(point.angle), high.max(point.angle))
         });

@@ -53,7 +53,7 @@ impl Plant {
         match self {
             Plant::Bristles => Vec::new(),
             Plant::SlipElements { elements, .. } => elements.iter().map(|one| one.share).collect(),
-            Plant::LubricatedSeal(own) => own.elements.iter().map(|one| one.share).collect(),
+            Plant::LubricatedSeal(seal) => seal.elements.iter().map(|one| one.share).collect(),
         }
     }
 }

@@ -171,7 +171,7 @@ impl Sensing {
     /// Draws sensors of a kind for a joint with this Coulomb torque.
     pub fn draw(sampler: &mut Sampler, kind: SensorKind, rate_hz: f64, coulomb_nm: f64) -> Self {
         let noise_nm = coulomb_nm * sampler.log_between(0.003, 0.06);
-        let mut own = Self::exact(kind, noise_nm);
+        let mut sensing = Self::exact(kind, noise_nm);
         let lines = |sampler: &mut Sampler, least: usize| {
             f64::from(1u32 << (least + sampler.below(22 - least))) / TAU
         };
@@ -184,38 +184,41 @@ impl Sensing {
         match kind {
             SensorKind::Exact => {}
             SensorKind::Encoder => {
-                own.lines_per_rad = Some(lines(sampler, 12));
-                own.velocity = differences;
+                sensing.lines_per_rad = Some(lines(sampler, 12));
+                sensing.velocity = differences;
             }
             SensorKind::VelocityNoise => {
-                own.velocity = Velocity::Noisy(noise_rad_s);
-                own.lines_per_rad = sampler.chance(0.6).then(|| lines(sampler, 15));
+                sensing.velocity = Velocity::Noisy(noise_rad_s);
+                sensing.lines_per_rad = sampler.chance(0.6).then(|| lines(sampler, 15));
             }
             SensorKind::NoPosition => {
-                own.lines_per_rad = Some(lines(sampler, 14));
-                own.velocity =
+                sensing.lines_per_rad = Some(lines(sampler, 14));
+                sensing.velocity =
                     if sampler.chance(0.5) { Velocity::Noisy(noise_rad_s) } else { differences };
             }
             SensorKind::TorqueFiltered => {
                 let highest = (0.4 * rate_hz).clamp(6.0, 200.0);
-                own.torque_corner_hz = Some(sampler.log_between(5.0, highest));
-                own.noise_before = sampler.chance(0.5);
-                own.lines_per_rad = sampler.chance(0.5).then(|| lines(sampler, 17));
-                own.torque_shape =
+                sensing.torque_corner_hz = Some(sampler.log_between(5.0, highest));
+                sensing.noise_before = sampler.chance(0.5);
+                sensing.lines_per_rad = sampler.chance(0.5).then(|| lines(sampler, 17));
+                sensing.torque_shape =
                     [FilterShape::First, FilterShape::Second, FilterShape::Mean][sampler.below(3)];
             }
             SensorKind::Held => {
-                own.covariate_hz = Some(sampler.log_between(0.2, (0.5 * rate_hz).min(20.0)));
+                sensing.covariate_hz = Some(sampler.log_between(0.2, (0.5 * rate_hz).min(20.0)));
                 match sampler.below(4) {
-                    0 => own.torque_rows = 2 + sampler.below(4),
-                    1 => own.motion_rows = 2 + sampler.below(4),
+                    0 => sensing.torque_rows = 2 + sampler.below(4),
+                    1 => sensing.motion_rows = 2 + sampler.below(4),
                     _ => {}
                 }
-                own.velocity =
-                    if sampler.chance(0.5) { Velocity::Noisy(noise_rad_s) } else { own.velocity };
+                sensing.velocity = if sampler.chance(0.5) {
+                    Velocity::Noisy(noise_rad_s)
+                } else {
+                    sensing.velocity
+                };
             }
         }
-        own
+        sensing
     }
 
     /// Draws sensors of a kind with the devices of a second maker, for a joint with this Coulomb torque.
@@ -230,8 +233,8 @@ impl Sensing {
     ) -> Self {
         /// Corner of a gauge as a share of the log's rate, above which the log cannot resolve it.
         const MAX_CORNER_SHARE: f64 = 0.4;
-        let mut own = Self::draw(sampler, kind, rate_hz, coulomb_nm);
-        own.amplifier = Some(Amplifier::draw(sampler, own.noise_nm, coulomb_nm));
+        let mut sensing = Self::draw(sampler, kind, rate_hz, coulomb_nm);
+        sensing.amplifier = Some(Amplifier::draw(sampler, sensing.noise_nm, coulomb_nm));
         let observer = SecondOrder {
             natural_hz: rate_hz * sampler.log_between(0.04, 0.3),
             damping: sampler.between(0.6, 0.95),
@@ -240,17 +243,17 @@ impl Sensing {
         let damping = sampler.between(0.5, 0.9);
         let angle_error = AngleError::draw(sampler);
         if kind == SensorKind::Exact {
-            return own;
+            return sensing;
         }
-        own.angle_error = Some(angle_error);
-        own.torque_shape = FilterShape::Gauge(damping);
-        if own.torque_corner_hz.is_none() && corner_hz < MAX_CORNER_SHARE * rate_hz {
-            own.torque_corner_hz = Some(corner_hz);
+        sensing.angle_error = Some(angle_error);
+        sensing.torque_shape = FilterShape::Gauge(damping);
+        if sensing.torque_corner_hz.is_none() && corner_hz < MAX_CORNER_SHARE * rate_hz {
+            sensing.torque_corner_hz = Some(corner_hz);
         }
-        if !matches!(own.velocity, Velocity::Noisy(_)) {
-            own.velocity = Velocity::Tracked(observer);
+        if !matches!(sensing.velocity, Velocity::Noisy(_)) {
+            sensing.velocity = Velocity::Tracked(observer);
         }
-        own
+        sensing
     }
 
     /// Returns the delay of the logged velocity, s: the group delay of its filter.
@@ -458,15 +461,18 @@ mod tests {
     #[test]
     fn draw_second_maker_of_each_kind_keeps_the_defect() {
         for (seed, kind) in (0..60).zip(SensorKind::ALL.into_iter().cycle()) {
-            let own = Sensing::draw_second_maker(&mut Sampler::new(seed, 3), kind, 400.0, 2.0);
-            assert_eq!(own.has_position(), kind != SensorKind::NoPosition);
-            assert_eq!(own.angle_error.is_some(), kind != SensorKind::Exact);
-            assert!(matches!(own.velocity, Velocity::Noisy(_) | Velocity::Tracked(_)));
-            let is_slow = own.torque_corner_hz.is_some_and(|hz| (5.0..=200.0).contains(&hz));
-            assert!(is_slow || kind != SensorKind::TorqueFiltered, "{own:?}");
-            assert!(own.true_of_the_log().is_empty() || kind != SensorKind::Exact, "{own:?}");
-            let amplifier = own.amplifier.expect("every strain gauge has an amplifier");
-            assert!(amplifier.hum_nm < own.noise_nm, "{own:?}");
+            let sensing = Sensing::draw_second_maker(&mut Sampler::new(seed, 3), kind, 400.0, 2.0);
+            assert_eq!(sensing.has_position(), kind != SensorKind::NoPosition);
+            assert_eq!(sensing.angle_error.is_some(), kind != SensorKind::Exact);
+            assert!(matches!(sensing.velocity, Velocity::Noisy(_) | Velocity::Tracked(_)));
+            let is_slow = sensing.torque_corner_hz.is_some_and(|hz| (5.0..=200.0).contains(&hz));
+            assert!(is_slow || kind != SensorKind::TorqueFiltered, "{sensing:?}");
+            assert!(
+                sensing.true_of_the_log().is_empty() || kind != SensorKind::Exact,
+                "{sensing:?}"
+            );
+            let amplifier = sensing.amplifier.expect("every strain gauge has an amplifier");
+            assert!(amplifier.hum_nm < sensing.noise_nm, "{sensing:?}");
         }
     }
 

@@ -64,10 +64,10 @@ fn residual(target: Vec<f64>, base: &[Vec<f64>]) -> Vec<f64> {
     };
     for column in base {
         let whole = dot(column, column).sqrt();
-        let own = without(column.clone(), &directions);
-        let size = dot(&own, &own).sqrt();
+        let orthogonal = without(column.clone(), &directions);
+        let size = dot(&orthogonal, &orthogonal).sqrt();
         if size > DEPENDENT_SHARE * whole {
-            directions.push(own.into_iter().map(|x| x / size).collect());
+            directions.push(orthogonal.into_iter().map(|x| x / size).collect());
         }
     }
     without(target, &directions)

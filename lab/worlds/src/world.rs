@@ -60,7 +60,7 @@ impl World {
     ) -> Rows {
         let machine = Machine::bristles(mechanism);
         if mechanism.encoder.is_some() && !knows_encoder {
-            let read = trajectories.iter().map(|own| mechanism.read_trajectory(own));
+            let read = trajectories.iter().map(|trajectory| mechanism.read_trajectory(trajectory));
             return self.torques(&machine, &read.collect::<Vec<Trajectory>>());
         }
         if mechanism.joint.delay_s == 0.0 {
@@ -143,7 +143,9 @@ impl World {
         };
         let runs = || self.campaign.runs.iter().zip(&trajectories).zip(&torque);
         let log_with = |mechanism: &Mechanism| -> Vec<Logged> {
-            runs().map(|((run, own), torque)| self.log_run(run, mechanism, own, torque)).collect()
+            runs()
+                .map(|((run, trajectory), torque)| self.log_run(run, mechanism, trajectory, torque))
+                .collect()
         };
         let logged = log_with(&all);
         let corrected = all.encoder.map(|_| log_with(&Mechanism { encoder: None, ..all.clone() }));
@@ -171,10 +173,10 @@ impl World {
         let modelled = self.model(&fitted(&all), &thinned, true);
         // What each effect adds in the true plant, and in the model that knows the others.
         let parts: Vec<(Rows, Rows)> = (0..effects.len())
-            .map(|own| {
-                let others = effects.iter().enumerate().filter(|(at, _)| *at != own);
+            .map(|effect_index| {
+                let others = effects.iter().enumerate().filter(|(at, _)| *at != effect_index);
                 let rest = self.with_effects(others.map(|(_, effect)| effect));
-                let effect = if matches!(effects[own], HiddenEffect::Encoder(_)) {
+                let effect = if matches!(effects[effect_index], HiddenEffect::Encoder(_)) {
                     difference(&modelled, &self.model(&fitted(&all), &thinned, false))
                 } else {
                     difference(&modelled, &self.model(&fitted(&rest), &thinned, true))
@@ -191,13 +193,14 @@ impl World {
             self.base_columns(&fitted(&self.plain), &thinned).iter().map(kept).collect();
         let floor_nm = rms(&errors);
         let mut hidden: Vec<truth::HiddenEffect> = (0..effects.len())
-            .map(|own| {
-                let others = (0..effects.len()).filter(|at| *at != own);
+            .map(|effect_index| {
+                let others = (0..effects.len()).filter(|at| *at != effect_index);
                 let mut base = base.clone();
                 base.extend(others.map(|at| parts[at].1.clone()));
-                let visible = evaluate_visibility(&parts[own].1, &base, &errors);
+                let visible = evaluate_visibility(&parts[effect_index].1, &base, &errors);
                 truth::HiddenEffect {
-                    hidden: effects[own].describe(&self.campaign, rms(&parts[own].0)),
+                    hidden: effects[effect_index]
+                        .describe(&self.campaign, rms(&parts[effect_index].0)),
                     effect_in_floors: visible.rms_nm / floor_nm,
                     gain_in_errors: visible.gain_in_errors,
                 }

@@ -358,8 +358,8 @@ mod tests {
         let warmth = begins(&measured.factorial);
         assert!(warmth[0] >= 10.0 && warmth[23] <= 30.0 && warmth[23] - warmth[0] > 10.0);
         assert!(warmth.windows(2).all(|pair| pair[0] < pair[1]));
-        let own = begins(&measured.learned);
-        assert!(own.iter().all(|at| *at == parameters.water_temperature_c));
+        let learned_temperatures = begins(&measured.learned);
+        assert!(learned_temperatures.iter().all(|at| *at == parameters.water_temperature_c));
         // No two runs start at the same time, and the unloaded runs are not all first.
         let starts = |log: &Log| log.runs.iter().map(|run| run.columns[0][0]).collect::<Vec<_>>();
         let unloaded = starts(&measured.unloaded);

@@ -1,4 +1,4 @@
-//! Loads of the joint's output: none, a propeller, a lifting leg, and a jumping leg.
+//! Loads of the joint's output: none, a propeller, a wall, a lifting leg, and a jumping leg.
 //!
 //! Each load has a torque against positive motion, a side load at the end of the shaft, and an inertia. The torque of
 //! the propeller grows with the square of its speed. The lifting leg moves 2 kg from below to above the horizontal. The
@@ -21,6 +21,13 @@ pub enum Load {
     Propeller,
     /// A leg that lifts 2 kg under water.
     Leg,
+    /// A wall against positive motion. It damps little, and does not pull.
+    Wall {
+        /// Position of the wall, rad.
+        position_rad: f64,
+        /// Stiffness, Nm/rad.
+        stiffness_nm_per_rad: f64,
+    },
     /// A leg that jumps with its platform.
     Jump {
         /// Height of the platform above the unloaded foot, m.
@@ -48,7 +55,7 @@ impl Load {
     /// Returns the initial position of the joint, rad.
     pub fn start_rad(&self) -> f64 {
         match self {
-            Self::Free | Self::Propeller => 0.0,
+            Self::Free | Self::Propeller | Self::Wall { .. } => 0.0,
             Self::Leg => LIFT_FROM_RAD,
             Self::Jump { .. } => JUMP_FROM_RAD,
         }
@@ -58,7 +65,7 @@ impl Load {
     pub fn inertia_kg_m2(&self, p: &Parameters) -> f64 {
         let rod = p.leg_mass_kg * p.leg_length_m * p.leg_length_m / 3.0 + p.leg_added_inertia_kg_m2;
         match self {
-            Self::Free => 0.0,
+            Self::Free | Self::Wall { .. } => 0.0,
             Self::Propeller => p.propeller_inertia_kg_m2,
             Self::Leg => {
                 p.leg_mass_kg * p.leg_length_m * p.leg_length_m + p.leg_added_inertia_kg_m2
@@ -89,6 +96,12 @@ impl Load {
                 let swung = p.leg_mass_kg * p.leg_length_m * velocity * velocity;
                 Acting { torque_nm: lift + drag, radial_force_n: p.leg_weight_n + swung }
             }
+            Self::Wall { position_rad, stiffness_nm_per_rad } => {
+                let pressed = position - *position_rad;
+                let push = *stiffness_nm_per_rad * (pressed + 1e-3 * velocity);
+                let torque_nm = if pressed > 0.0 { push.max(0.0) } else { 0.0 };
+                Acting { torque_nm, radial_force_n: 0.0 }
+            }
             Self::Jump { height_m, speed_m_s } => {
                 let foot = p.leg_length_m * (position.sin() - JUMP_FROM_RAD.sin());
                 let foot_speed = p.leg_length_m * velocity * position.cos();
@@ -100,9 +113,9 @@ impl Load {
                 let drag = p.platform_drag_n_s2_per_m2 * *speed_m_s * speed_m_s.abs();
                 *speed_m_s += dt * (push - p.platform_weight_n - drag) / p.platform_mass_kg;
                 *height_m += dt * *speed_m_s;
-                let own = p.leg_drag_nm_s2_per_rad2 * velocity * velocity.abs();
+                let leg_drag_nm = p.leg_drag_nm_s2_per_rad2 * velocity * velocity.abs();
                 Acting {
-                    torque_nm: push * p.leg_length_m * position.cos() + own,
+                    torque_nm: push * p.leg_length_m * position.cos() + leg_drag_nm,
                     radial_force_n: push,
                 }
             }

@@ -60,7 +60,8 @@ pub struct Shown {
 #[derive(Clone, Debug)]
 pub struct JointPlant {
     p: Parameters,
-    load: Load,
+    /// The load, which may change between two periods.
+    pub load: Load,
     seal: Seal,
     around: Around,
     acting: Acting,
@@ -433,10 +434,10 @@ impl JointPlant {
             joint.added(self.position, self.velocity, 0.0, &Conditions::default())
         });
         let torque = driving + compensated - friction - self.acting.torque_nm - hidden;
-        let own = self.rotor.map_or(0.0, |_| self.rotor_inertia());
-        self.velocity += dt * torque / (self.inertia - own);
+        let rotor_inertia = self.rotor.map_or(0.0, |_| self.rotor_inertia());
+        self.velocity += dt * torque / (self.inertia - rotor_inertia);
         if let Some(brake) = &mut self.brake {
-            let most = dt * brake.step(dt) / (self.inertia - own);
+            let most = dt * brake.step(dt) / (self.inertia - rotor_inertia);
             self.velocity -= self.velocity.clamp(-most, most);
         }
         self.position += dt * self.velocity;

@@ -266,15 +266,15 @@ fn draw_columns(
     extras: &[Extra],
 ) -> Vec<&'static str> {
     let mut columns: Vec<&'static str> = Vec::new();
-    let own = |column: &str| effects.iter().any(|effect| effect.column() == Some(column));
+    let causes_effect = |column: &str| effects.iter().any(|effect| effect.column() == Some(column));
     for (column, share) in [("position_rad", 0.9), ("acceleration_rad_s2", 0.25)] {
         // The acceleration can be computed from the velocity, so no effect requires its column.
-        if sampler.chance(share) || (own(column) && column == "position_rad") {
+        if sampler.chance(share) || (causes_effect(column) && column == "position_rad") {
             columns.push(column);
         }
     }
     for column in COVARIATES {
-        if sampler.chance(0.75) || own(column) {
+        if sampler.chance(0.75) || causes_effect(column) {
             columns.push(column);
         }
     }

@@ -41,11 +41,13 @@ fn ours(contest: &Contest) -> &Answer {
 fn diagnose_on_adverse_scenarios_stays_within_grade_limits() {
     let count = if crate::is_long() { UNKIND_SEEDS.len() } else { SHORT };
     let contests = contests(&UNKIND_SEEDS[..count]);
-    let of_ours = |verdict| contests.iter().filter(|own| ours(own).verdict == verdict).count();
+    let of_ours =
+        |verdict| contests.iter().filter(|contest| ours(contest).verdict == verdict).count();
     let (right, wrong) = (of_ours(Verdict::Right), of_ours(Verdict::Wrong));
     println!("{right} right and {wrong} wrong of {count}");
     assert!(2 * right >= count && 4 * wrong <= count, "{right} right, {wrong} wrong");
-    let regression = contests.iter().filter(|own| own.rival.verdict == Verdict::Wrong).count();
+    let regression =
+        contests.iter().filter(|contest| contest.rival.verdict == Verdict::Wrong).count();
     assert!(wrong < regression, "the plain regression is wrong less often");
 }
 

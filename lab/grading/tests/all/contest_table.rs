@@ -36,9 +36,9 @@ fn figures_of_the_contest_are_within_their_limits() {
     let outside: Vec<&FigureRow> = table.iter().filter(|row| !row.is_within()).collect();
     assert!(outside.is_empty(), "{outside:?}");
     for logs in LOG_GROUPS {
-        let own = table.iter().filter(|row| row.logs == logs);
-        assert!(own.clone().count() >= 8, "{logs}");
-        let brier = own.clone().find(|row| row.figure == "Brier score").expect("a score");
+        let rows = table.iter().filter(|row| row.logs == logs);
+        assert!(rows.clone().count() >= 8, "{logs}");
+        let brier = rows.clone().find(|row| row.figure == "Brier score").expect("a score");
         assert!(brier.limits[1] < 0.5, "{brier:?}");
     }
 }
@@ -46,11 +46,12 @@ fn figures_of_the_contest_are_within_their_limits() {
 /// Returns the likely candidates of a world, by cause.
 fn likely(folder: &Path, seed: u64) -> Vec<(String, f64)> {
     let world = draw_family(seed, Family::Mixed);
-    let own = folder.join(seed.to_string());
-    std::fs::create_dir_all(&own).expect("a folder");
-    std::fs::write(own.join("world.csv"), world.log.csv()).expect("a log");
-    std::fs::write(own.join("world.json"), world.truth.json().to_string()).expect("a truth");
-    let logs = worlds(&own).expect("a world");
+    let world_folder = folder.join(seed.to_string());
+    std::fs::create_dir_all(&world_folder).expect("a folder");
+    std::fs::write(world_folder.join("world.csv"), world.log.csv()).expect("a log");
+    std::fs::write(world_folder.join("world.json"), world.truth.json().to_string())
+        .expect("a truth");
+    let logs = worlds(&world_folder).expect("a world");
     let rows = logs[0].evidence().expect("a contest");
     let calibration = ContestCalibration::current();
     let candidates = rows.iter().filter(|row| row.is_candidate);
@@ -71,8 +72,8 @@ fn probabilities_of_stored_worlds_are_what_the_code_computes() {
     let computed: Vec<(u64, Vec<(String, f64)>)> =
         SEEDS.into_par_iter().map(|seed| (seed, likely(&folder, seed))).collect();
     std::fs::remove_dir_all(&folder).expect("the folder is ours");
-    let lines = computed.iter().flat_map(|(seed, own)| {
-        own.iter().map(move |(cause, p)| format!("{seed}\t{cause}\t{p:.3}\n"))
+    let lines = computed.iter().flat_map(|(seed, causes)| {
+        causes.iter().map(move |(cause, p)| format!("{seed}\t{cause}\t{p:.3}\n"))
     });
     let text = String::from("world\tcause\tprobability\n") + &lines.collect::<String>();
     if std::env::var_os("UPDATE_TABLES").is_some() {
@@ -88,7 +89,8 @@ fn probabilities_of_stored_worlds_are_what_the_code_computes() {
     let (ours, known) = (cells(&text), cells(&stored));
     for (one, other) in [(&ours, &known), (&known, &ours)] {
         for (key, p) in one.iter().filter(|(_, p)| is_sure(*p)) {
-            let twin = other.iter().find(|(own, _)| own == key).map_or(f64::NAN, |(_, p)| *p);
+            let twin =
+                other.iter().find(|(twin_key, _)| twin_key == key).map_or(f64::NAN, |(_, p)| *p);
             assert!((twin - p).abs() <= TOLERANCE, "{key}: {p} and {twin}\n{text}");
         }
     }

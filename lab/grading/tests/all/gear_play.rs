@@ -54,7 +54,7 @@ fn diagnosed(fault: GearFault, seed: u64) -> Diagnosis {
 fn diagnose_with_position_beyond_the_gear_names_its_play_with_its_column() {
     let seed = SEED + 1000;
     let found = diagnosed(GearFault::Play, seed);
-    let backlash = found.findings.iter().find(|own| own.cause.name() == "backlash");
+    let backlash = found.findings.iter().find(|finding| finding.cause.name() == "backlash");
     let backlash = backlash.expect("play");
     let play = draw(GearFault::Play, seed).gear.play_rad;
     assert_eq!(backlash.columns, ["joint_position_rad"]);
@@ -65,7 +65,7 @@ fn diagnose_with_position_beyond_the_gear_names_its_play_with_its_column() {
     );
     let parts = ["joint_position_rad"];
     crate::message::check("findings", "play beyond the gear", &backlash.in_words, &parts);
-    let named = |own: &str| found.findings.iter().any(|f| f.columns.iter().any(|c| c == own));
+    let named = |column: &str| found.findings.iter().any(|f| f.columns.iter().any(|c| c == column));
     assert!(
         !found.candidates.iter().any(|c| c.columns().iter().any(|c| c == "joint_position_rad"))
     );
@@ -76,7 +76,7 @@ fn diagnose_with_position_beyond_the_gear_names_its_play_with_its_column() {
 fn diagnose_with_torsion_between_two_positions_notes_it_and_names_no_backlash() {
     let found = diagnosed(GearFault::Elasticity, SEED + 2000);
     assert!(
-        found.findings.iter().all(|own| own.cause.name() != "backlash"),
+        found.findings.iter().all(|finding| finding.cause.name() != "backlash"),
         "{:?}",
         found.findings
     );

@@ -64,7 +64,7 @@ fn answer(
         is_named: findings.clone().any(|f| {
             is_it(f.cause.name()) || f.confusable_with.iter().any(|r| is_it(r.cause.name()))
         }),
-        is_blamed: findings.clone().any(|f| f.columns.iter().any(|own| own == column)),
+        is_blamed: findings.clone().any(|f| f.columns.iter().any(|name| name == column)),
         gain: found.gain.value,
     }
 }

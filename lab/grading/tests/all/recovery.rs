@@ -38,7 +38,7 @@ fn limits() -> CoverageLimits {
 }
 
 fn fit(truth: &Truth, model: &str) -> Outcome {
-    let tracks = tracks(&simulated::dataset(&truth.log()));
+    let tracks = tracks(&simulated::dataset(truth.log()));
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let spec = Spec::parse(model).unwrap();
     let options = FitOptions { starts: 1, ..FitOptions::default() };
@@ -121,7 +121,7 @@ fn identify_with_steady_sliding_reports_bristles_not_determined() {
     let how = Recording { steady: true, loaded: false, runs: 6, ..Recording::default() };
     let truth = record(7, how);
     // Use the middle of each run, where sliding is steady.
-    let mut data = simulated::dataset(&truth.log());
+    let mut data = simulated::dataset(truth.log());
     for run in &mut data.runs {
         *run = run.slice(2000..run.len());
     }

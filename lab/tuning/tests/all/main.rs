@@ -85,8 +85,13 @@ fn host_that_dies_before_its_last_order_leaves_the_stored_set() {
     let set = service::starting_set(&joint);
     let stand = Stand::new(&joint, &set).expect("it starts");
     stand.set_order_fault(OrderFault::Killed);
-    let own = options(1, LIMITS);
-    let mut master = Master::new(stand.client(), own.node, own.limits, Box::new(|| false));
+    let options_of_session = options(1, LIMITS);
+    let mut master = Master::new(
+        stand.client(),
+        options_of_session.node,
+        options_of_session.limits,
+        Box::new(|| false),
+    );
     trial_set::open(&mut master).expect("a trial");
     let position_gain = service::drive_settings(&joint).position_gain;
     let mut tried = TunedSet { set: set.clone(), position_gain };

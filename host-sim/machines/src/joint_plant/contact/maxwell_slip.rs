@@ -63,7 +63,7 @@ impl MaxwellSlip {
         let direction = if velocity < 0.0 { -1.0 } else { 1.0 };
         let mut held = 0.0;
         for (index, element) in self.elements.iter_mut().enumerate() {
-            let own = LEVEL_SHARE[index] * level;
+            let element_level = LEVEL_SHARE[index] * level;
             if element.slips && element.torque * direction < 0.0 {
                 element.slips = false;
             }
@@ -73,10 +73,10 @@ impl MaxwellSlip {
             } else {
                 let stiffness = STIFFNESS_SHARE[index] * p.presliding_stiffness_nm_per_rad;
                 element.torque += dt * stiffness * velocity;
-                element.slips = element.torque * direction >= own;
+                element.slips = element.torque * direction >= element_level;
                 if element.slips {
                     // An element that exceeds its level within the step is limited to it.
-                    element.torque = direction * own;
+                    element.torque = direction * element_level;
                 }
             }
             held += element.torque;

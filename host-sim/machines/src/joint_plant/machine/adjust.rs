@@ -7,7 +7,6 @@ use super::{JointPlant, Rotor, phases};
 use crate::joint::Joint;
 use crate::joint_plant::brake::HoldingBrake;
 use crate::joint_plant::comparators::Comparators;
-use crate::joint_plant::load::Load;
 use crate::joint_plant::orders::OrderAnalyser;
 use crate::joint_plant::seal::{Around, Seal};
 use crate::joint_plant::supply::Supply;
@@ -213,9 +212,9 @@ impl JointPlant {
         &self.seal
     }
 
-    /// Returns the load.
-    pub fn load(&self) -> &Load {
-        &self.load
+    /// Sets the play of a compliant coupling, rad.
+    pub fn set_backlash(&mut self, backlash_rad: f64) {
+        self.p.backlash_rad = backlash_rad;
     }
 
     /// Returns the joint position, rad.
