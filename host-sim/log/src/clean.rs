@@ -17,16 +17,15 @@ use std::path::Path;
 use super::cell::is_list;
 use super::clock::{self, Clock};
 use super::columns::{ColumnTally, FINITE, RunLabel, is_missing_value, set_number};
-use super::dataset::{LeftOutColumn, Run, SourceColumn};
+use super::dataset::Run;
 use super::error::{BadCell, BadRows, DataError, listed, quoted};
-use super::header::{Layout, OptionalColumn};
+use super::header::Layout;
 use super::log_table::LogTable;
 use super::plan::Reading;
 use super::split::are_equal;
 use super::table::{Cells, Row};
 use super::work::checkpoint_at;
 use crate::setting::Setting;
-use compensator_core::quantity::JointKind;
 
 /// Maximum number of runs in a file. More indicate that the run column holds something else.
 pub const MAX_RUNS: usize = 100_000;
@@ -70,19 +69,13 @@ fn is_ambiguous_comma(cell: &[u8]) -> bool {
 /// The valid rows of a file.
 #[derive(Debug, Default)]
 pub(super) struct FileData {
-    pub joint: JointKind,
+    /// The header, with the optional columns that are kept in the order of [`Run::extra`].
+    pub layout: Layout,
     /// The runs, with all optional columns in [`Run::extra`]. The name is empty if the file has no run column and holds one
     /// recording.
     pub runs: Vec<Run>,
-    /// The optional columns that are kept, in the order of [`Run::extra`].
-    pub optional: Vec<OptionalColumn>,
-    pub left_out: Vec<LeftOutColumn>,
-    pub notes: Vec<String>,
-    pub sources: Vec<SourceColumn>,
     /// Origin of the times, ns since 1970; `None` if the file does not state it.
     pub origin_ns: Option<i128>,
-    /// True if the file names its runs.
-    pub has_runs: bool,
     pub rows: usize,
     pub bad: BadRows,
 }
@@ -213,8 +206,8 @@ pub(super) fn clean(table: LogTable) -> Result<FileData, DataError> {
         None => error,
     })?;
     data.bad.extend(bad_lines);
-    data.left_out.extend(left_out);
-    data.notes.extend(notes);
+    data.layout.left_out.extend(left_out);
+    data.layout.notes.extend(notes);
     Ok(data)
 }
 

@@ -106,8 +106,8 @@ impl Cleaner<'_> {
         self.add_column_notes(&uses, &filled, &clean);
         self.add_row_notes(channels, other_rows, [repeated, spread], all.len() - runs.len());
         self.add_order_notes(late, duplicates);
-        let Layout { joint, run, optional, left_out, notes, mut sources, .. } = self.layout;
-        let has_runs = run.is_some();
+        let Self { mut layout, clock, rows, bad, .. } = self;
+        let Layout { optional, sources, .. } = &mut layout;
         for ((column, filled), column_use) in optional.iter().zip(&filled).zip(&uses) {
             if let Some(source) = sources.iter_mut().find(|of| of.name == column.name) {
                 source.filled = filled.map_or(0, |(rows, _)| rows);
@@ -117,22 +117,9 @@ impl Cleaner<'_> {
                 sources.retain(|source| source.name != column.name);
             }
         }
-        let optional = optional.into_iter().zip(&uses);
-        let optional = optional.filter(|(_, column_use)| **column_use == ColumnUse::Numeric);
-        let optional = optional.map(|(column, _)| column).collect();
-        let (rows, bad, origin_ns) = (self.rows, self.bad, self.clock.origin_ns);
-        Ok(FileData {
-            joint,
-            runs: clean,
-            optional,
-            left_out,
-            notes,
-            sources,
-            origin_ns,
-            has_runs,
-            rows,
-            bad,
-        })
+        let mut uses = uses.iter();
+        optional.retain(|_| uses.next() == Some(&ColumnUse::Numeric));
+        Ok(FileData { layout, runs: clean, origin_ns: clock.origin_ns, rows, bad })
     }
 
     /// Continues the times across the wraps of their counter.

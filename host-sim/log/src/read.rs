@@ -219,13 +219,13 @@ type ColumnKey = (Option<Quantity>, String);
 
 /// Joins the files to one data set.
 fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
-    let joint = parts[0].joint;
+    let joint = parts[0].layout.joint;
     for (part, file) in parts.iter().zip(files) {
-        if part.joint != joint {
+        if part.layout.joint != joint {
             let target = |joint| Quantity::Torque.name(joint);
             return Err(DataError::file(
                 file.clone(),
-                target(part.joint),
+                target(part.layout.joint),
                 format!("{} as in {}", target(joint), files[0].display()),
             ));
         }
@@ -245,18 +245,19 @@ fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> 
             (Some(origin), Some(earliest)) => (origin - earliest) as f64 / 1e9,
             _ => 0.0,
         };
-        join_sources(&mut data.sources, part.sources, &shared);
+        join_sources(&mut data.sources, part.layout.sources, &shared);
         data.rows_read += part.rows;
         data.bad_rows.count += part.bad.count;
         data.bad_rows.first.extend(part.bad.first);
-        data.notes.extend(part.notes);
-        for column in part.left_out {
+        data.notes.extend(part.layout.notes);
+        for column in part.layout.left_out {
             let known = |c: &LeftOutColumn| c == &column;
             if !data.left_out_columns.iter().any(known) {
                 data.left_out_columns.push(column);
             }
         }
         let places: Vec<Option<usize>> = part
+            .layout
             .optional
             .iter()
             .map(|column| shared.iter().position(|s| s.0 == column.quantity && s.1 == column.name))
@@ -268,7 +269,7 @@ fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> 
             run.file = at;
             run.name = match (run.name.as_str(), files.len()) {
                 ("", _) => stems[at].clone(),
-                (name, 1) if part.has_runs => name.to_owned(),
+                (name, 1) if part.layout.run.is_some() => name.to_owned(),
                 (name, _) => format!("{}:{name}", stems[at]),
             };
             set_columns(&mut run, &places, &shared);
@@ -318,11 +319,11 @@ fn shared_columns(
     notes: &mut Vec<String>,
 ) -> Vec<ColumnKey> {
     let has = |part: &FileData, quantity: Option<Quantity>, name: &str| {
-        part.optional.iter().any(|column| column.quantity == quantity && column.name == name)
+        part.layout.optional.iter().any(|column| column.quantity == quantity && column.name == name)
     };
     let mut shared: Vec<ColumnKey> = Vec::new();
     let mut reported: Vec<&str> = Vec::new();
-    for column in parts.iter().flat_map(|part| &part.optional) {
+    for column in parts.iter().flat_map(|part| &part.layout.optional) {
         let lacking = parts.iter().position(|part| !has(part, column.quantity, &column.name));
         match lacking {
             None => {
