@@ -164,17 +164,17 @@ impl LoopTask {
             probe,
             scope,
         } = commands;
-        let own = &mut self.commands;
-        own.setpoint = *setpoint;
-        own.bridge = *bridge;
-        own.brake = *brake;
-        own.compensation = *compensation;
-        own.gate_resets = *gate_resets;
-        own.set_number = *set_number;
-        own.home = *home;
-        own.probe = *probe;
-        if own.scope != *scope {
-            own.scope = *scope;
+        let present = &mut self.commands;
+        present.setpoint = *setpoint;
+        present.bridge = *bridge;
+        present.brake = *brake;
+        present.compensation = *compensation;
+        present.gate_resets = *gate_resets;
+        present.set_number = *set_number;
+        present.home = *home;
+        present.probe = *probe;
+        if present.scope != *scope {
+            present.scope = *scope;
             self.scope = ScopeTap::IDLE;
         }
     }

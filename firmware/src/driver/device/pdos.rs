@@ -165,7 +165,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the receive PDO with this identifier.
     pub(super) fn receive_slot(&self, identifier: u16) -> Option<usize> {
-        self.pdo_identifiers().iter().position(|own| *own == identifier && *own != 0)
+        self.pdo_identifiers().iter().position(|used| *used == identifier && *used != 0)
     }
 
     /// Returns the value of a PDO parameter, a mapping or a SYNC object.

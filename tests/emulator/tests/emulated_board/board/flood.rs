@@ -98,8 +98,8 @@ fn short_frames(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
 fn random_frames(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
     let length = random.random_range(0..=8);
     let identifier = random.random_range(1..0x800);
-    let is_own = identifier & 0x7F == 1;
-    (if is_own { identifier + 1 } else { identifier }, bytes(random, length), false)
+    let is_to_joint = identifier & 0x7F == 1;
+    (if is_to_joint { identifier + 1 } else { identifier }, bytes(random, length), false)
 }
 
 const FLOODS: [(&str, Flood); 9] = [
