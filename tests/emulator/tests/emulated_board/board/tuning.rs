@@ -51,7 +51,7 @@ const HEAD: &str = "seed\tfamily\thidden\tsaved\treversal before, mrad\treversal
 fn start(joint: &DrawnJoint, set: &ParameterSet) -> Result<Stand, String> {
     let start = MotorNode::power_up(joint, set);
     let stage = stage_at_power_up(&start, joint.plant(), &RigFaults::default());
-    let driver = BoardDriver::start(image(), &start, stage)?;
+    let driver = BoardDriver::start(image(), &start, stage).map_err(|error| error.to_string())?;
     Ok(Stand::with_node(MotorNode::drawn_on(Box::new(driver), joint), REPORT_AGE_MS))
 }
 
