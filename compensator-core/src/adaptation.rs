@@ -39,6 +39,7 @@ mod information;
 mod parameters;
 #[cfg(all(test, feature = "terms"))]
 mod tests;
+mod unknowns;
 
 pub use evidence::{FOLLOWED, FollowedQuantity};
 pub use gains::{Gains, MAX_GAINS};
@@ -52,15 +53,9 @@ use crate::quantity::Sample;
 use contact::ContactWatch;
 use evidence::Evidence;
 use information::InformationRoot;
-
-/// Unknowns of the regression: the gains and a constant torque.
-pub(crate) const DIMENSIONS: usize = MAX_GAINS + 1;
-
-/// Position of the constant torque among the unknowns, before the gains.
-const OFFSET: usize = 0;
-
-/// Position of the first gain among the unknowns: that of the level.
-const GAINS_AT: usize = 1;
+use unknowns::{
+    DIMENSIONS, GAINS_AT, OFFSET, PRIOR_DEVIATION, gains_of, prior_information, unknowns_of,
+};
 
 /// Change of a gain for its regressor.
 const STEP: f32 = 0.125;
@@ -78,13 +73,6 @@ const MAX_FORGOTTEN: f32 = 0.5;
 /// Time for which errors are alike, s: that of a stroke in a range of speed where the structure of the law is wrong. The
 /// windows of this time together count as one observation of the noise.
 const CORRELATED_S: f32 = 1.0;
-
-/// Standard deviation of the gains before anything is learnt, and of the gains in use around the tuned set.
-const PRIOR_DEVIATION: f32 = 0.3;
-
-/// Standard deviation of the constant torque before anything is learnt, as a share of the Coulomb level. It is larger than
-/// that of the gains: a payload is more likely than a new seal.
-const PRIOR_OFFSET_DEVIATION: f32 = 0.6;
 
 /// Largest error of one window in the estimate, in units of the present scatter.
 const MAX_ERROR: f32 = 3.0;
@@ -487,27 +475,4 @@ fn beyond(change: f32, [down, up]: [f32; 2]) -> f32 {
     let zone = if change < 0.0 { down } else { up };
     let rest = 2.0 * (Real::abs(change) - zone);
     change.within(rest.at_least(0.0))
-}
-
-/// Returns the gains among the unknowns.
-#[inline(never)]
-fn gains_of(unknowns: &[f32; DIMENSIONS]) -> Gains<f32> {
-    let mut gains = [0.0; MAX_GAINS];
-    gains.copy_from_slice(&unknowns[GAINS_AT..]);
-    Gains::from_array(&gains)
-}
-
-/// Returns the unknowns with these gains and no constant torque.
-#[inline(never)]
-fn unknowns_of(gains: &Gains<f32>) -> [f32; DIMENSIONS] {
-    let mut unknowns = [0.0; DIMENSIONS];
-    unknowns[GAINS_AT..].copy_from_slice(&gains.to_array());
-    unknowns
-}
-
-/// Returns the information before anything is learnt, for this number of unknowns.
-fn prior_information(count: usize) -> InformationRoot {
-    let mut deviations = [PRIOR_DEVIATION; DIMENSIONS];
-    deviations[OFFSET] = PRIOR_OFFSET_DEVIATION;
-    InformationRoot::of_deviations(&deviations[..count])
 }

@@ -66,20 +66,20 @@ impl Configuration {
     /// Shapes, such as the Stribeck velocity, are not compared: they move friction between the levels.
     #[must_use]
     pub fn larger_quantity(&self, other: &Self) -> Option<Text> {
-        let (own, former) = (&self.model, &other.model);
-        if own.law != former.law {
+        let (model, former) = (&self.model, &other.model);
+        if model.law != former.law {
             return Some(text!("law"));
         }
-        if own.choices.allow_active && !former.choices.allow_active {
+        if model.choices.allow_active && !former.choices.allow_active {
             return Some(text!("allow_active"));
         }
         let is_new = |kind: &&TermKind| !former.terms.contains(kind);
-        if let Some(kind) = own.terms.iter().find(is_new) {
+        if let Some(kind) = model.terms.iter().find(is_new) {
             return Some(kind.text());
         }
         let is_larger = |id: &ParameterId| self.compensated(*id) > other.compensated(*id);
-        let of_terms = own.terms.iter().flat_map(|kind| kind.sizes().iter().copied());
-        let sizes = own.law.levels().chain(own.law.viscous()).chain(of_terms);
+        let of_terms = model.terms.iter().flat_map(|kind| kind.sizes().iter().copied());
+        let sizes = model.law.levels().chain(model.law.viscous()).chain(of_terms);
         sizes.into_iter().find(is_larger).map(ParameterId::text)
     }
 

@@ -28,6 +28,7 @@ mod pressure_coulomb;
 mod quadratic_drag;
 mod radial_force_coulomb;
 mod radial_force_rate;
+mod seal_levels;
 mod stribeck_shape;
 mod temperature_coulomb;
 mod temperature_viscous;

@@ -17,6 +17,7 @@ pub mod compensation;
 pub mod covariates;
 mod current_limits;
 pub mod current_loop;
+mod cycle;
 pub mod dead_time;
 pub mod flags;
 pub mod observer;
@@ -29,7 +30,8 @@ pub mod velocity_loop;
 
 pub use compensation::{Compensate, JointCompensator};
 pub use covariates::Covariates;
-pub use current_loop::{CurrentLoop, CycleResult, Setpoint};
+pub use current_loop::CurrentLoop;
+pub use cycle::{CycleResult, Setpoint};
 pub use flags::LoopFlags;
 pub use parameters::{ENCODER_ERROR_RAD, Motor, MotorParameters};
 

@@ -19,14 +19,13 @@ mod reports;
 use crate::bridge_guard::BridgeGuard;
 use crate::control::probe::Probe;
 use crate::control::{
-    Bridge, BridgeFault, Covariates, CurrentLoop, CycleResult, JointCompensator, LoopFlags,
-    PowerStage, Setpoint, StageSample,
+    Bridge, BridgeFault, CurrentLoop, CycleResult, JointCompensator, LoopFlags, PowerStage,
+    StageSample,
 };
 use crate::deadline::{Deadline, DeadlineLimits};
-use crate::driver::{Home, LoopCommands, PeriodValues, REPORT_PERIOD_S, TouchEdges};
+use crate::driver::{LoopCommands, PeriodValues, REPORT_PERIOD_S, TouchEdges};
 use crate::loop_link::LoopPort;
 use crate::loop_parts::LoopParts;
-use crate::scope::ScopeOrder;
 use crate::stop_brake::{self, StopBrake};
 use compensator_core::Flags;
 use reports::{ReportStep, ScopeTap};
@@ -77,23 +76,6 @@ pub struct LoopTask {
     report_every: u32,
 }
 
-/// Commands before the first ones are received: everything is off.
-const NO_COMMANDS: LoopCommands = LoopCommands {
-    setpoint: Setpoint::NONE,
-    covariates: Covariates::MISSING,
-    bridge: false,
-    brake: false,
-    compensation: false,
-    current_share: 1.0,
-    compensation_share: 1.0,
-    factors: None,
-    set_number: 0,
-    home: Home { position_rad: 0.0, number: 0 },
-    gate_resets: 0,
-    probe: None,
-    scope: ScopeOrder::OFF,
-};
-
 impl LoopTask {
     /// Creates a task that waits for commands, bridge off.
     pub fn new(parts: LoopParts, limits: DeadlineLimits) -> Self {
@@ -101,7 +83,7 @@ impl LoopTask {
         Self {
             current_loop: CurrentLoop::new(parts.motor, parts.model),
             deadline: Deadline::new(limits),
-            commands: NO_COMMANDS,
+            commands: LoopCommands::default(),
             may_drive: parts.may_drive,
             tripped: LoopFlags::empty(),
             held_by_hardware: false,
@@ -164,17 +146,17 @@ impl LoopTask {
             probe,
             scope,
         } = commands;
-        let own = &mut self.commands;
-        own.setpoint = *setpoint;
-        own.bridge = *bridge;
-        own.brake = *brake;
-        own.compensation = *compensation;
-        own.gate_resets = *gate_resets;
-        own.set_number = *set_number;
-        own.home = *home;
-        own.probe = *probe;
-        if own.scope != *scope {
-            own.scope = *scope;
+        let present = &mut self.commands;
+        present.setpoint = *setpoint;
+        present.bridge = *bridge;
+        present.brake = *brake;
+        present.compensation = *compensation;
+        present.gate_resets = *gate_resets;
+        present.set_number = *set_number;
+        present.home = *home;
+        present.probe = *probe;
+        if present.scope != *scope {
+            present.scope = *scope;
             self.scope = ScopeTap::IDLE;
         }
     }

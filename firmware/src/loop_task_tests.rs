@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::control::probe::{BLOCK_PERIODS, ProbeCommand, ProbeReport};
-use crate::control::{PERIOD_S, ValidChannels};
-use crate::driver::{LoopOutput, LoopReport};
+use crate::control::{Covariates, PERIOD_S, Setpoint, ValidChannels};
+use crate::driver::{Home, LoopOutput, LoopReport};
 use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
@@ -37,7 +37,7 @@ fn parts() -> LoopParts {
 
 fn drive(current_a: f32) -> LoopCommands {
     let setpoint = Setpoint { current_a, velocity_reference_rad_s: 0.0, age_s: 0.0 };
-    LoopCommands { setpoint, bridge: true, compensation: true, ..NO_COMMANDS }
+    LoopCommands { setpoint, bridge: true, compensation: true, ..LoopCommands::default() }
 }
 
 impl Bench {
@@ -338,7 +338,10 @@ fn build_of_parts_with_invalid_set_names_the_field() {
 fn home_position_is_applied_once_per_number() {
     let mut bench = Bench::new();
     assert!(bench.next_report().position_rad.is_nan(), "whole turns are not known");
-    let home = |number| LoopCommands { home: Home { position_rad: -0.5, number }, ..NO_COMMANDS };
+    let home = |number| LoopCommands {
+        home: Home { position_rad: -0.5, number },
+        ..LoopCommands::default()
+    };
     bench.task.apply_commands(home(1));
     assert!((bench.next_report().position_rad + 0.5).abs() < 1e-4);
     // After a tenth of a motor turn: the same number has no effect, a new one does.

@@ -243,17 +243,17 @@ impl ParameterSet {
     pub fn read(&mut self, bytes: &[u8]) -> Result<(), SetError> {
         let wrong_length = SetError::Length(bytes.len());
         let split = bytes.split_last_chunk::<{ network_record::LENGTH }>();
-        let own = match split.filter(|(_, last)| network_record::claims(*last)) {
-            Some((own, network)) => {
+        let values = match split.filter(|(_, last)| network_record::claims(*last)) {
+            Some((values, network)) => {
                 self.network = network_record::parse(network).map_err(SetError::Network)?;
-                own
+                values
             }
             None => {
                 self.network = None;
                 bytes
             }
         };
-        if let Some((friction, former)) = own
+        if let Some((friction, former)) = values
             .split_last_chunk::<FORMER_DRIVE_BYTES>()
             .filter(|(friction, _)| friction.len() == record::LENGTH)
         {
@@ -261,7 +261,7 @@ impl ParameterSet {
             self.set_former_drive(former);
         } else {
             let (friction, drive) =
-                own.split_last_chunk::<DRIVE_RECORD_BYTES>().ok_or(wrong_length)?;
+                values.split_last_chunk::<DRIVE_RECORD_BYTES>().ok_or(wrong_length)?;
             self.friction = record::parse(friction).map_err(SetError::Record)?;
             self.set_drive(drive);
         }

@@ -81,16 +81,16 @@ impl LocalReadings {
 
     /// Replaces covariates that are missing or older than these readings.
     pub fn apply_newer(&self, covariates: &mut Covariates, now_us: u64) {
-        for (own, reported) in [
+        for (local, reported) in [
             (self.radial_force_n, &mut covariates.radial_force_n),
             (self.pressure_diff_mpa, &mut covariates.pressure_diff_mpa),
             (self.temperature_c, &mut covariates.temperature_c),
         ] {
-            let Some(own) = own else { continue };
-            let age_s = now_us.saturating_sub(own.at_us) as f32 * 1e-6;
+            let Some(local) = local else { continue };
+            let age_s = now_us.saturating_sub(local.at_us) as f32 * 1e-6;
             let is_missing = reported.age_s.is_nan() || reported.age_s < 0.0;
             if is_missing || age_s < reported.age_s {
-                *reported = Reading { value: own.value, age_s };
+                *reported = Reading { value: local.value, age_s };
             }
         }
     }

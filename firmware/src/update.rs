@@ -81,7 +81,7 @@ pub struct Program {
     /// Address of the flash in the processor's memory.
     pub base: u32,
     /// Slot of the running image.
-    pub own: Slot,
+    pub running: Slot,
     /// Slot that receives updates.
     pub other: Slot,
     /// Offsets of the parameter stores: in the bank of the running image, and in the other one. Both have

@@ -69,15 +69,19 @@ impl SampleAssembler {
     /// Returns true if a new run begins. All received values are then discarded, and the caller must clear the
     /// state of the model.
     pub fn take(&mut self, message: &Message) -> bool {
-        let is_own = |node: NodeId| node == self.node;
+        let is_addressed = |node: NodeId| node == self.node;
         match *message {
-            Message::Motion(node, value) if is_own(node) => self.motion = Some(received(value)),
-            Message::Torque(node, value) if is_own(node) => self.torque = Some(received(value)),
-            Message::Seal(node, value) if is_own(node) => self.seal = Some(received(value)),
-            Message::Surroundings(node, value) if is_own(node) => {
+            Message::Motion(node, value) if is_addressed(node) => {
+                self.motion = Some(received(value))
+            }
+            Message::Torque(node, value) if is_addressed(node) => {
+                self.torque = Some(received(value))
+            }
+            Message::Seal(node, value) if is_addressed(node) => self.seal = Some(received(value)),
+            Message::Surroundings(node, value) if is_addressed(node) => {
                 self.surroundings = Some(received(value));
             }
-            Message::Command(node, value) if is_own(node) => {
+            Message::Command(node, value) if is_addressed(node) => {
                 // A repeated counter is not a new command: its age continues.
                 let repeated =
                     self.command.is_some_and(|received| received.value.counter == value.counter);
@@ -85,11 +89,11 @@ impl SampleAssembler {
                     self.command = Some(received(value));
                 }
             }
-            Message::Entry(node, TraceEntry::Run(_)) if is_own(node) => {
+            Message::Entry(node, TraceEntry::Run(_)) if is_addressed(node) => {
                 *self = Self::new(self.node);
                 return true;
             }
-            Message::Entry(node, TraceEntry::Sequence(number)) if is_own(node) => {
+            Message::Entry(node, TraceEntry::Sequence(number)) if is_addressed(node) => {
                 self.next = number
             }
             _ => {}

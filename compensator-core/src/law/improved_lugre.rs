@@ -63,8 +63,8 @@ impl<T: Real> Effect<T> for SealLoadEffect<'_, T> {
     }
     #[inline(always)]
     fn carried(&self, bristle_torque: T, stiffness_step: T) -> T {
-        let own_rate = self.load.rate_per_newton * self.sample.radial_force_change_n;
-        bristle_torque + stiffness_step * own_rate
+        let load_rate = self.load.rate_per_newton * self.sample.radial_force_change_n;
+        bristle_torque + stiffness_step * load_rate
     }
     #[inline(always)]
     fn bristle_rate(&self, rate: T) -> T {

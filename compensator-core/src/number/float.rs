@@ -11,7 +11,19 @@ use super::{Mask, Real};
 use crate::curve;
 
 macro_rules! common {
-    ($type:ty) => {
+    ($type:ty, exp: $exp:path, ln: $ln:path, sin: $sin:path, atan: $atan:path) => {
+        fn exp(self) -> Self {
+            $exp(self)
+        }
+        fn ln(self) -> Self {
+            $ln(self)
+        }
+        fn sin(self) -> Self {
+            $sin(self)
+        }
+        fn atan(self) -> Self {
+            $atan(self)
+        }
         #[inline(always)]
         fn from_f64(value: f64) -> Self {
             value as $type
@@ -71,7 +83,7 @@ const INFINITE: u32 = f32::INFINITY.to_bits();
 impl Real for f32 {
     type Setting = f32;
 
-    common!(f32);
+    common!(f32, exp: libm::expf, ln: libm::logf, sin: micromath::F32Ext::sin, atan: libm::atanf);
 
     #[inline(always)]
     fn lt_mask(self, other: Self) -> Mask {
@@ -150,19 +162,6 @@ impl Real for f32 {
         cell[0] + self * (cell[1] + self * cell[2])
     }
 
-    fn exp(self) -> Self {
-        libm::expf(self)
-    }
-    fn ln(self) -> Self {
-        libm::logf(self)
-    }
-    fn sin(self) -> Self {
-        use micromath::F32Ext;
-        F32Ext::sin(self)
-    }
-    fn atan(self) -> Self {
-        libm::atanf(self)
-    }
     #[inline(always)]
     fn is_neutral_exponent(self) -> bool {
         self == 1.0
@@ -177,7 +176,7 @@ impl Real for f32 {
 impl Real for f64 {
     type Setting = f64;
 
-    common!(f64);
+    common!(f64, exp: libm::exp, ln: libm::log, sin: libm::sin, atan: libm::atan);
 
     #[inline(always)]
     fn from_setting(setting: f64) -> Self {
@@ -194,18 +193,6 @@ impl Real for f64 {
         cell[0] + offset * (cell[1] + offset * cell[2])
     }
 
-    fn exp(self) -> Self {
-        libm::exp(self)
-    }
-    fn ln(self) -> Self {
-        libm::log(self)
-    }
-    fn sin(self) -> Self {
-        libm::sin(self)
-    }
-    fn atan(self) -> Self {
-        libm::atan(self)
-    }
     fn pow(self, exponent: Self) -> Self {
         libm::pow(self, exponent)
     }

@@ -37,11 +37,11 @@ impl<S: Real> Parameters<S> {
     /// ([`crate::adaptation`]) refer to their places.
     #[must_use]
     pub fn compensated(&self) -> Self {
-        let mut own = self.clone();
+        let mut compensated = self.clone();
         for (_, id) in LEFT_OUT {
-            own.set(id, S::zero());
+            compensated.set(id, S::zero());
         }
-        own
+        compensated
     }
 
     /// Removes the terms that a compensator leaves out, and sets the offset of the law `atan` to zero.

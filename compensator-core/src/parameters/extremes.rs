@@ -45,8 +45,8 @@ impl<S: Real> Parameters<S> {
             Id::CoulombTorqueNegative,
             Id::StaticTorqueNegative,
         ];
-        let own = self.law.parameters();
-        let base = sides.iter().filter(|id| own.contains(id)).map(|id| self.value(*id));
+        let law_parameters = self.law.parameters();
+        let base = sides.iter().filter(|id| law_parameters.contains(id)).map(|id| self.value(*id));
         let corners = bounds.corners(&self.envelope);
         let added = corners.iter().map(|added| added.coulomb + added.excess.max(0.0));
         let sum = base.fold(0.0, f32::max) + added.fold(0.0, f32::max) + bounds.static_level;

@@ -158,46 +158,27 @@ impl From<Text> for Reason {
 impl From<ParameterError> for Reason {
     fn from(error: ParameterError) -> Self {
         let ParameterError { field, value, bound, why } = error;
-        match bound {
-            Bound::AtLeast(bound) => {
-                crate::refusal!(
-                    "{name} = {f32}: must be at least {f32}: {name}",
-                    field,
-                    value,
-                    bound,
-                    why
-                )
+        let (text, limit) = match bound {
+            Bound::AtLeast(limit) => {
+                (crate::text!("{name} = {f32}: must be at least {f32}: {name}"), Some(limit))
             }
-            Bound::AtMost(bound) => {
-                crate::refusal!(
-                    "{name} = {f32}: must be at most {f32}: {name}",
-                    field,
-                    value,
-                    bound,
-                    why
-                )
+            Bound::AtMost(limit) => {
+                (crate::text!("{name} = {f32}: must be at most {f32}: {name}"), Some(limit))
             }
-            Bound::MoreThan(bound) => {
-                crate::refusal!(
-                    "{name} = {f32}: must be more than {f32}: {name}",
-                    field,
-                    value,
-                    bound,
-                    why
-                )
+            Bound::MoreThan(limit) => {
+                (crate::text!("{name} = {f32}: must be more than {f32}: {name}"), Some(limit))
             }
             Bound::Finite => {
-                crate::refusal!(
-                    "{name} = {f32}: must be a finite number: {name}",
-                    field,
-                    value,
-                    why
-                )
+                (crate::text!("{name} = {f32}: must be a finite number: {name}"), None)
             }
-            Bound::Whole => {
-                crate::refusal!("{name} = {f32}: must be a whole number: {name}", field, value, why)
-            }
-        }
+            Bound::Whole => (crate::text!("{name} = {f32}: must be a whole number: {name}"), None),
+        };
+        let [field, value, why] = [field.word(), value.word(), why.word()];
+        let words = match limit {
+            Some(limit) => [field, value, limit.word(), why],
+            None => [field, value, why, 0],
+        };
+        Self { text, words }
     }
 }
 

@@ -84,8 +84,8 @@ fn levels<S: Real>(values: &ParameterValues<S>) -> [S; LOOKUP_KNOTS] {
     let (rise, scale) = (values.get(Id::LookupRise), values.get(Id::LookupScale));
     let scale = scale / (values.get(Id::LookupUpper) - values.get(Id::LookupLower));
     core::array::from_fn(|knot| {
-        let own = LOOKUP_LEVELS.get(knot).map_or(S::zero(), |id| values.get(*id));
-        own + formula.at(S::from_count(knot as u8) / S::from_count(CELLS as u8), rise, scale)
+        let at_knot = LOOKUP_LEVELS.get(knot).map_or(S::zero(), |id| values.get(*id));
+        at_knot + formula.at(S::from_count(knot as u8) / S::from_count(CELLS as u8), rise, scale)
     })
 }
 

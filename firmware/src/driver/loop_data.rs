@@ -14,13 +14,14 @@ use compensator_core::network::Factors;
 /// Time between two reports of the current loop, s.
 pub const REPORT_PERIOD_S: f32 = 1e-3;
 
+with_defaults! {
 /// Commands to the current loop, valid until the next ones.
 #[derive(Clone, Copy, Debug)]
 pub struct LoopCommands {
     /// Set-point of the joint.
-    pub setpoint: Setpoint,
+    pub setpoint: Setpoint = Setpoint::NONE,
     /// Covariates: what is measured of the joint besides its encoder.
-    pub covariates: Covariates,
+    pub covariates: Covariates = Covariates::MISSING,
     /// True if the bridge may be on.
     pub bridge: bool,
     /// True if the low sides may be shorted when the bridge stops.
@@ -28,10 +29,10 @@ pub struct LoopCommands {
     /// True if friction may be compensated.
     pub compensation: bool,
     /// Share of the current limit that the temperature permits, 0..=1.
-    pub current_share: f32,
+    pub current_share: f32 = 1.0,
     /// Share of the compensation in use, 0..=1. It is less than 1 if the model was found to have more friction
     /// than the joint.
-    pub compensation_share: f32,
+    pub compensation_share: f32 = 1.0,
     /// Factors of a network for the law's levels and stiffness; `None` for the law's constants.
     pub factors: Option<Factors<f32>>,
     /// Counts requests to put the gate driver to sleep, which clears a latched fault.
@@ -44,7 +45,9 @@ pub struct LoopCommands {
     /// the set-point.
     pub probe: Option<ProbeCommand>,
     /// What the scope records.
-    pub scope: ScopeOrder,
+    pub scope: ScopeOrder = ScopeOrder::OFF,
+}
+/// Commands before the first ones are received: everything is off.
 }
 
 /// What a tick gives to the current loop.

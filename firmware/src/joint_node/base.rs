@@ -21,7 +21,6 @@ use crate::node::dictionary::records::{InputsObject, MeasuredObject};
 use crate::node::sdo::Abort;
 use crate::node_settings::{InputSource, MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::parameter_set::ParameterSet;
-use crate::scope::ScopeOrder;
 use crate::start_values::StartRecord;
 use crate::store::{LoadError, Store, StoreHealth};
 use crate::supervisor::{CanState, Code, Observation, ParameterSource, Supervisor, SupervisorBoot};
@@ -291,12 +290,10 @@ impl JointBase {
             compensation: self.supervisor.is_compensation_allowed(),
             current_share: self.supervisor.current_share(),
             compensation_share: self.compensation.share(),
-            factors: None,
             set_number,
             gate_resets,
             home,
-            probe: None,
-            scope: ScopeOrder::OFF,
+            ..LoopCommands::default()
         }
     }
 

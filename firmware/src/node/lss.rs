@@ -144,11 +144,11 @@ impl Lss {
             *part = number;
         }
         let [vendor, product, low, high, first, last] = self.identified;
-        let [own_vendor, own_product, revision, serial] = *identity;
-        let is_own = (vendor, product) == (own_vendor, own_product)
+        let [vendor_id, product_code, revision, serial] = *identity;
+        let is_identified = (vendor, product) == (vendor_id, product_code)
             && (low..=high).contains(&revision)
             && (first..=last).contains(&serial);
-        if request == command::IDENTIFY_SERIAL_HIGH && is_own {
+        if request == command::IDENTIFY_SERIAL_HIGH && is_identified {
             LssAction::Answer(Self::result(command::IDENTIFIED, 0))
         } else {
             LssAction::None
@@ -162,11 +162,12 @@ impl Lss {
             self.fastscan_at = 0;
             return found;
         }
-        let Some(own) = identity.get(usize::from(part)).filter(|_| part == self.fastscan_at) else {
+        let Some(word) = identity.get(usize::from(part)).filter(|_| part == self.fastscan_at)
+        else {
             return LssAction::None;
         };
         let Some(mask) = u32::MAX.checked_shl(bit_check.into()) else { return LssAction::None };
-        if (own ^ number) & mask != 0 {
+        if (word ^ number) & mask != 0 {
             return LssAction::None;
         }
         self.fastscan_at = next;

@@ -16,15 +16,15 @@ impl<F: NorFlash> Store<F> {
     /// home, too. One in the own bank is used once: it is marked, because later records are in the other bank.
     pub fn open_mirrored(
         &mut self,
-        own: [Range<u32>; 2],
+        running: [Range<u32>; 2],
         other: [Range<u32>; 2],
         identity_of: fn(&[u8]) -> Option<Identity>,
     ) -> ([Range<u32>; 2], FoundHome) {
-        self.move_to(own.clone());
+        self.move_to(running.clone());
         let journals = [self.places_in(0), self.places_in(1)];
         let before = self.find_home();
         let is_marked = self.mark_home().is_ok();
-        self.open_newest(own, other, identity_of);
+        self.open_newest(running, other, identity_of);
         let home = match (before, self.find_home()) {
             (FoundHome::At(_), FoundHome::At(_)) => FoundHome::Lost,
             (FoundHome::At(_), _) if is_marked => before,
@@ -38,7 +38,7 @@ impl<F: NorFlash> Store<F> {
     #[inline(never)]
     fn open_newest(
         &mut self,
-        own: [Range<u32>; 2],
+        running: [Range<u32>; 2],
         other: [Range<u32>; 2],
         identity_of: fn(&[u8]) -> Option<Identity>,
     ) {
@@ -51,7 +51,7 @@ impl<F: NorFlash> Store<F> {
         }
         let is_copied = loaded.is_ok_and(|set| {
             let payload = payload.get(..set.length).unwrap_or_default();
-            let identity = match self.find_identity(Some(own.clone())) {
+            let identity = match self.find_identity(Some(running.clone())) {
                 FoundIdentity::Copy(sequence, copy) if !is_newer(set.sequence, sequence) => {
                     Some(copy)
                 }
@@ -60,7 +60,7 @@ impl<F: NorFlash> Store<F> {
             identity.is_some_and(|identity| self.adopt(set.sequence, payload, &identity))
         });
         if !is_copied {
-            self.move_to(own);
+            self.move_to(running);
         }
     }
 

@@ -292,7 +292,7 @@ impl Receiver {
         if header.address != self.program.image_address(&self.program.other) {
             return Err(Refusal::Address(header.address));
         }
-        let least = least_counter(flash, &self.program.own);
+        let least = least_counter(flash, &self.program.running);
         if header.counter < least {
             return Err(Refusal::Counter(header.counter, least));
         }
@@ -348,8 +348,8 @@ impl Receiver {
             return Err(Refusal::Hash);
         }
         self.check(flash, header)?;
-        let own = marks::state(flash, &self.program.own);
-        let sequence = marks::next_sequence([own, SlotState::Empty]);
+        let running = marks::state(flash, &self.program.running);
+        let sequence = marks::next_sequence([running, SlotState::Empty]);
         marks::receive(flash, &self.program.other, header, sequence).map_err(|_| Refusal::Flash)
     }
 
@@ -360,8 +360,8 @@ impl Receiver {
 }
 
 /// Returns the smallest counter that is accepted: that of the running image.
-fn least_counter<F: NorFlash>(flash: &mut F, own: &Slot) -> u32 {
-    match marks::state(flash, own) {
+fn least_counter<F: NorFlash>(flash: &mut F, running: &Slot) -> u32 {
+    match marks::state(flash, running) {
         SlotState::Image(image) => image.header.counter,
         SlotState::Empty | SlotState::Bare => 0,
     }

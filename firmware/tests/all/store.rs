@@ -470,13 +470,13 @@ fn identity_of_a_lost_store_differs_from_that_of_a_first_save_that_was_cut() {
 fn mirrored_store_keeps_the_newest_identity_with_an_older_set() {
     let pages = 2 * PAGE_BYTES as u32;
     let [a, b, c, d] = [0, 1, 2, 3].map(|slot| slot * pages..(slot + 1) * pages);
-    let (own, other) = ([a, b], [c, d]);
+    let (running, other) = ([a, b], [c, d]);
     let new: Identity = [0x3C; IDENTITY_BYTES];
-    let mut store = Store::open_at(MemoryFlash::<8>::new(), own.clone()).unwrap();
+    let mut store = Store::open_at(MemoryFlash::<8>::new(), running.clone()).unwrap();
     store.save(&payload(1, LENGTH), &IDENTITY).unwrap();
     // The next start copies the set and its identity.
     let identity_of = |_: &[u8]| Some(IDENTITY);
-    store.open_mirrored(own.clone(), other.clone(), identity_of);
+    store.open_mirrored(running.clone(), other.clone(), identity_of);
     assert_eq!(store.find_identity(None), FoundIdentity::Copy(1, IDENTITY));
     assert_eq!(load(&mut store), Ok(payload(1, LENGTH)));
     store.save(&payload(2, LENGTH), &new).unwrap();
@@ -485,9 +485,9 @@ fn mirrored_store_keeps_the_newest_identity_with_an_older_set() {
     for slot in &other {
         flash.flip_bit((slot.start as usize + 100) * 8);
     }
-    let mut store = Store::open_at(flash, own.clone()).unwrap();
-    store.open_mirrored(own.clone(), other, identity_of);
+    let mut store = Store::open_at(flash, running.clone()).unwrap();
+    store.open_mirrored(running.clone(), other, identity_of);
     assert_eq!(load(&mut store), Ok(payload(1, LENGTH)));
-    let FoundIdentity::Copy(_, found) = store.find_identity(Some(own)) else { panic!() };
+    let FoundIdentity::Copy(_, found) = store.find_identity(Some(running)) else { panic!() };
     assert_eq!(found, new);
 }

@@ -4,7 +4,7 @@ pub mod bench;
 mod trial;
 
 use bench::{
-    BOARD, End, Flash, IMAGE_BYTES, OTHER, OWN, Package, assert_starts_one_of, confirm,
+    BOARD, End, Flash, IMAGE_BYTES, OTHER, Package, RUNNING, assert_starts_one_of, confirm,
     erase_marks, finish, flash_with, image, key, package, program, receive, signed, start,
     start_after,
 };
@@ -265,7 +265,7 @@ fn select_on_a_rewired_board_starts_no_confirmed_image_of_the_former_wiring() {
     let board = Board { wiring: BOARD.wiring + 1, ..BOARD };
     let requirement = Requirement { board, public_key: key().verifying_key().to_bytes() };
     let selected =
-        select(&mut flash, &[OWN, OTHER], &requirement, LastRun::Interrupted, |_, _| true);
+        select(&mut flash, &[RUNNING, OTHER], &requirement, LastRun::Interrupted, |_, _| true);
     assert_eq!(selected, Selection::Recover);
 }
 

@@ -1,6 +1,7 @@
 //! The image: its loaded segments, its symbols, and patches for mutations.
 
 use crate::chip::flash::Content;
+use crate::error::EmulatorError;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSymbol};
@@ -43,11 +44,11 @@ impl Image {
     /// Reads an ELF file.
     ///
     /// # Errors
-    /// Returns one line with the path and the reason.
-    pub fn read(path: &Path) -> Result<Self, String> {
-        let name = path.display();
-        let data = std::fs::read(path).map_err(|error| format!("{name}: {error}"))?;
-        Self::parse(&data).map_err(|error| format!("{name}: {error}"))
+    /// [`EmulatorError::Read`] or [`EmulatorError::Format`].
+    pub fn read(path: &Path) -> Result<Self, EmulatorError> {
+        let data = std::fs::read(path)
+            .map_err(|source| EmulatorError::Read { path: path.to_owned(), source })?;
+        Self::parse(&data).map_err(|source| EmulatorError::Format { path: path.to_owned(), source })
     }
 
     fn parse(data: &[u8]) -> Result<Self, object::Error> {

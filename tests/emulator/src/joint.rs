@@ -9,6 +9,7 @@ use crate::chip::timer20::Edges;
 use crate::chip::wiring::{ESC1, Quantity, STANDARD, Wiring};
 use crate::chip::{CORE_HZ, Chip};
 use crate::costs::{Costs, LOOP_EXCEPTION};
+use crate::error::EmulatorError;
 use crate::world::{Bridge, World};
 use crate::{Image, Machine, StopReason};
 use compensator_core::can::{Frame, NodeId};
@@ -258,14 +259,15 @@ impl World for JointWorld {
 ///
 /// # Errors
 /// Returns one line if the set is rejected.
-pub fn store_content(start: &PowerUp) -> Result<StoreContent, String> {
+pub fn store_content(start: &PowerUp) -> Result<StoreContent, EmulatorError> {
     pages_of::<4>(start)
 }
 
-fn pages_of<const PAGES: usize>(start: &PowerUp) -> Result<StoreContent, String> {
-    let mut flash = stored_flash::<PAGES>(start, start.scales.traits)?;
+fn pages_of<const PAGES: usize>(start: &PowerUp) -> Result<StoreContent, EmulatorError> {
+    let mut flash = stored_flash::<PAGES>(start, start.scales.traits)
+        .map_err(|refused| EmulatorError::Set(refused.to_string()))?;
     let mut bytes = vec![0; flash.capacity()];
-    flash.read(0, &mut bytes).map_err(|error| format!("flash: {error:?}"))?;
+    flash.read(0, &mut bytes).map_err(EmulatorError::Store)?;
     Ok(StoreContent { bytes, torn: Vec::new() })
 }
 
@@ -327,7 +329,7 @@ impl BoardDriver {
     ///
     /// # Errors
     /// Returns one line if the image does not start or the parameter set is rejected.
-    pub fn start(image: &Image, start: &PowerUp, stage: Stage) -> Result<Self, String> {
+    pub fn start(image: &Image, start: &PowerUp, stage: Stage) -> Result<Self, EmulatorError> {
         Self::start_with_store(image, start, &store_content(start)?, stage)
     }
 
@@ -340,7 +342,7 @@ impl BoardDriver {
         start: &PowerUp,
         store: &StoreContent,
         stage: Stage,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, EmulatorError> {
         Self::start_wired(image, start, store, stage, &STANDARD)
     }
 
@@ -348,7 +350,11 @@ impl BoardDriver {
     ///
     /// # Errors
     /// Returns one line if the image does not start or the parameter set is rejected.
-    pub fn start_compact(image: &Image, start: &PowerUp, stage: Stage) -> Result<Self, String> {
+    pub fn start_compact(
+        image: &Image,
+        start: &PowerUp,
+        stage: Stage,
+    ) -> Result<Self, EmulatorError> {
         Self::start_wired(image, start, &pages_of::<2>(start)?, stage, &ESC1)
     }
 
@@ -362,9 +368,9 @@ impl BoardDriver {
         store: &StoreContent,
         stage: Stage,
         wiring: &'static Wiring,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, EmulatorError> {
         if stage.board.is_none() {
-            return Err("the image needs the sensors of the board".into());
+            return Err(EmulatorError::NoSensors);
         }
         let mut chip = Chip::new(JointWorld::new(stage, wiring));
         chip.flash.set_store(store);
@@ -376,7 +382,7 @@ impl BoardDriver {
         });
         let mut machine = Machine::new(image, chip)?;
         if let Some(rise_k) = start.boot.winding_rise_k {
-            let kept = image.find(HEAT_MEMORY).ok_or("the image keeps no heat")?.address;
+            let kept = image.find(HEAT_MEMORY).ok_or(EmulatorError::NoHeatMemory)?.address;
             machine.write_memory(kept, &kept_heat(rise_k));
         }
         if let Some(text) = start.boot.panic {
@@ -395,17 +401,17 @@ impl BoardDriver {
         for _ in 0..START_TIMEOUT_MS {
             driver.run(MILLISECOND_CYCLES);
             if driver.is_reset {
-                return Err("the image resets during its start".into());
+                return Err(EmulatorError::ResetAtStart);
             }
             if driver.stage().applied_duty().is_some() {
-                return Err("the image closes the bridge during its start".into());
+                return Err(EmulatorError::ClosedBridgeAtStart);
             }
             if !driver.frames.is_empty() {
                 driver.frames.clear();
                 return Ok(driver);
             }
         }
-        Err(format!("no boot-up frame within {START_TIMEOUT_MS} ms, at {:#x}", driver.machine.pc()))
+        Err(EmulatorError::NoBootUp { within_ms: START_TIMEOUT_MS, at: driver.machine.pc() })
     }
 
     /// The machine, for measurements.
@@ -500,8 +506,8 @@ fn write_panic_note(
     image: &Image,
     machine: &mut Machine<JointWorld>,
     text: &str,
-) -> Result<(), String> {
-    let kept = image.find("panic4KEPT").ok_or("the image has no panic note")?.address;
+) -> Result<(), EmulatorError> {
+    let kept = image.find("panic4KEPT").ok_or(EmulatorError::NoPanicNote)?.address;
     let mut note = PanicNote::default();
     note.write(&[Part::Text(text)]);
     machine.write_memory(kept, &note.to_bytes());
@@ -575,7 +581,8 @@ impl RigDriver for BoardDriver {
         let mut chip = Chip::new(std::mem::replace(&mut old.world, unused));
         chip.clock.set_reset_flags(self.reset_flags);
         let has_memory = self.reset_flags & reset::POWER == 0;
-        self.machine = self.machine.restarted(chip, has_memory)?;
+        let restarted = self.machine.restarted(chip, has_memory);
+        self.machine = restarted.map_err(|error| error.to_string())?;
         self.frames.clear();
         (self.is_reset, self.is_silent, self.ahead) = (false, false, 0);
         self.run(MILLISECOND_CYCLES);

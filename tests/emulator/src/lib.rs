@@ -20,6 +20,7 @@ pub mod calls;
 pub mod chip;
 pub mod costs;
 pub mod cycles;
+mod error;
 mod execution;
 pub mod image;
 mod joint;
@@ -27,6 +28,7 @@ pub mod machine;
 pub mod nvic;
 pub mod world;
 
+pub use error::EmulatorError;
 pub use image::Image;
 pub use joint::{
     BoardDriver, HEAT_MEMORY, JointWorld, kept_heat, largest_stack_bytes, store_content,

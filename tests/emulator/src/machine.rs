@@ -7,6 +7,7 @@
 use crate::calls::{Call, CallCounter};
 use crate::chip::Chip;
 use crate::cycles::{self, Cost};
+use crate::error::EmulatorError;
 pub use crate::execution::{CCM, FLASH, HandlerRun, RAM};
 use crate::execution::{
     Context, CoreMemory, RETURN_BASE, add_barrier_hooks, add_hooks, follow_flash, is_allowed,
@@ -15,7 +16,7 @@ use crate::execution::{
 use crate::image::Image;
 use crate::nvic::HARD_FAULT;
 use crate::world::World;
-use unicorn_engine::{Arch, ArmCpuModel, Mode, RegisterARM, Unicorn, uc_error};
+use unicorn_engine::{Arch, ArmCpuModel, Mode, RegisterARM, Unicorn};
 
 /// Content of RAM before the start.
 const PAINT: u32 = 0xA5A5_5A5A;
@@ -41,6 +42,9 @@ pub enum StopReason {
     Lockup(String),
 }
 
+/// What locked the core up.
+struct Lockup(String);
+
 /// A processor with its chip.
 pub struct Machine<W: World + 'static> {
     core: Unicorn<'static, Context<W>>,
@@ -61,17 +65,17 @@ impl<W: World + 'static> Machine<W> {
     ///
     /// # Errors
     /// Returns one line if the emulator cannot be set up or the image has no code.
-    pub fn new(image: &Image, mut chip: Chip<W>) -> Result<Self, String> {
+    pub fn new(image: &Image, mut chip: Chip<W>) -> Result<Self, EmulatorError> {
         image.load(&mut chip.flash.content);
         let first = image.segments.iter().map(|segment| segment.address).min();
-        Self::start(chip, first.ok_or("the image has no code")?)
+        Self::start(chip, first.ok_or(EmulatorError::NoCode)?)
     }
 
     /// Powers a chip up: the core begins at the start of the flash.
     ///
     /// # Errors
     /// Returns one line if the emulator cannot be set up.
-    pub fn power_up(chip: Chip<W>) -> Result<Self, String> {
+    pub fn power_up(chip: Chip<W>) -> Result<Self, EmulatorError> {
         Self::start(chip, FLASH.0)
     }
 
@@ -80,7 +84,7 @@ impl<W: World + 'static> Machine<W> {
     ///
     /// # Errors
     /// Returns one line if the emulator cannot be set up.
-    pub fn restarted(&self, mut chip: Chip<W>, has_memory: bool) -> Result<Self, String> {
+    pub fn restarted(&self, mut chip: Chip<W>, has_memory: bool) -> Result<Self, EmulatorError> {
         chip.flash = self.chip().flash.after_reset();
         let mut next = Self::start(chip, self.vectors)?;
         for (first, length) in self.memories() {
@@ -100,7 +104,7 @@ impl<W: World + 'static> Machine<W> {
         Ok(next)
     }
 
-    fn start(mut chip: Chip<W>, vectors: u32) -> Result<Self, String> {
+    fn start(mut chip: Chip<W>, vectors: u32) -> Result<Self, EmulatorError> {
         chip.set_vector_table(vectors);
         let context = Context {
             chip,
@@ -119,7 +123,7 @@ impl<W: World + 'static> Machine<W> {
             worst: 0,
             calls: Vec::new(),
         };
-        let failed = |error: uc_error| format!("emulator: {error:?}");
+        let failed = EmulatorError::Processor;
         let mut core = Unicorn::new_with_data(Arch::ARM, Mode::THUMB | Mode::MCLASS, context)
             .map_err(failed)?;
         core.ctl_set_cpu_model(ArmCpuModel::CORTEX_M4 as i32).map_err(failed)?;
@@ -306,7 +310,7 @@ impl<W: World + 'static> Machine<W> {
             if self.must_wait(until) {
                 continue;
             }
-            if let Err(reason) = self.execute(until) {
+            if let Err(Lockup(reason)) = self.execute(until) {
                 return StopReason::Lockup(reason);
             }
         }
@@ -337,7 +341,7 @@ impl<W: World + 'static> Machine<W> {
         true
     }
 
-    fn execute(&mut self, until: u64) -> Result<(), String> {
+    fn execute(&mut self, until: u64) -> Result<(), Lockup> {
         let start = u64::from(self.pc | 1);
         self.core.get_data_mut().stop_at = until;
         let result = self.core.emu_start(start, 0, 0, 0);
@@ -346,7 +350,7 @@ impl<W: World + 'static> Machine<W> {
         let context = self.core.get_data_mut();
         context.chip.update_lines();
         if let Some(reason) = context.fault.take() {
-            return self.fault(&reason);
+            return self.fault(reason);
         }
         if std::mem::take(&mut context.leaves_exception) {
             return self.leave();
@@ -354,15 +358,15 @@ impl<W: World + 'static> Machine<W> {
         match result {
             Ok(()) => Ok(()),
             Err(_) if self.pc >= RETURN_BASE => self.leave(),
-            Err(error) => self.fault(&format!("{error:?} at {:#x}", self.pc)),
+            Err(error) => self.fault(format!("{error:?} at {:#x}", self.pc)),
         }
     }
 
-    fn fault(&mut self, reason: &str) -> Result<(), String> {
+    fn fault(&mut self, reason: String) -> Result<(), Lockup> {
         if self.chip().nvic.current() == HARD_FAULT || self.chip().nvic.is_active(HARD_FAULT) {
-            return Err(reason.to_owned());
+            return Err(Lockup(reason));
         }
-        self.chip_mut().last_fault = Some(reason.to_owned());
+        self.chip_mut().last_fault = Some(reason);
         self.enter(HARD_FAULT);
         Ok(())
     }
@@ -421,11 +425,11 @@ impl<W: World + 'static> Machine<W> {
     }
 
     /// Returns from an exception: it restores the state from the stack.
-    fn leave(&mut self) -> Result<(), String> {
+    fn leave(&mut self) -> Result<(), Lockup> {
         let link = self.pc | 1;
         let context = self.core.get_data_mut();
         if context.chip.nvic.depth() == 0 {
-            return Err("return from an exception in thread mode".into());
+            return Err(Lockup("return from an exception in thread mode".into()));
         }
         context.chip.nvic.leave();
         context.fpu_in_use.pop();

@@ -30,16 +30,16 @@ fn key() -> SigningKey {
 }
 
 /// Returns the board's description for a program that runs from this slot.
-pub fn program(own: usize) -> Program {
+pub fn program(running: usize) -> Program {
     let store = |bank: u32| bank * BANK + (SLOT_PAGES + 1) * PAGE;
-    let other = 1 - own;
+    let other = 1 - running;
     Program {
         board: BOARD,
         key_at: u32::MAX,
         base: BASE,
-        own: SLOTS[own],
+        running: SLOTS[running],
         other: SLOTS[other],
-        stores: [store(own as u32), store(other as u32)],
+        stores: [store(running as u32), store(other as u32)],
         store_bytes: STORE_PAGES * PAGE,
     }
 }

@@ -23,7 +23,7 @@ const FIRST_BIT: u32 = 64;
 const PART_BITS: u32 = 64;
 
 /// Signals that are not in `joint.dbc`: bits, scale, range, unit; and comment.
-const OWN: [(&str, &str, &str); 12] = [
+const FD_SIGNALS: [(&str, &str, &str); 12] = [
     ("Format", r#"0|8@1+ (1,0) [1|1] """#, "Number of this layout."),
     (
         "HasAnswer",
@@ -101,13 +101,13 @@ fn lines_of_parts(keyword: &'static str) -> impl Iterator<Item = String> {
 /// Returns the message with its signals.
 fn message() -> String {
     let mut text = format!("BO_ {IDENTIFIER} FdTelemetry: {LENGTH} Joint\n");
-    let (begin, end) = OWN.split_at(9);
-    let own = |signals: &[(&str, &str, &str)], text: &mut String| {
+    let (begin, end) = FD_SIGNALS.split_at(9);
+    let write_signals = |signals: &[(&str, &str, &str)], text: &mut String| {
         for (name, layout, _) in signals {
             let _ = writeln!(text, " SG_ {name} : {layout} Host");
         }
     };
-    own(begin, &mut text);
+    write_signals(begin, &mut text);
     for (place, part) in (0..).zip(PARTS) {
         let head = format!("BO_ {part} ");
         let lines = DBC.lines().skip_while(|line| !line.starts_with(&head)).skip(1);
@@ -118,14 +118,15 @@ fn message() -> String {
             let _ = writeln!(text, "{name} : {start}|{layout}");
         }
     }
-    own(end, &mut text);
+    write_signals(end, &mut text);
     text
 }
 
 /// Returns the file.
 fn fd_dbc() -> String {
     let mut text = String::new();
-    let own = |identifier: &str| identifier.trim_end_matches(':') == IDENTIFIER.to_string();
+    let is_telemetry =
+        |identifier: &str| identifier.trim_end_matches(':') == IDENTIFIER.to_string();
     let mut is_skipped = false;
     let mut previous = "";
     for line in DBC.lines() {
@@ -143,12 +144,12 @@ fn fd_dbc() -> String {
             }
         }
         match words[..] {
-            ["BO_", identifier, ..] if own(identifier) => {
+            ["BO_", identifier, ..] if is_telemetry(identifier) => {
                 is_skipped = true;
                 text += &message();
             }
-            ["CM_", "BO_" | "SG_", identifier, ..] if own(identifier) => {}
-            ["VAL_" | "SIG_VALTYPE_", identifier, ..] if own(identifier) => {}
+            ["CM_", "BO_" | "SG_", identifier, ..] if is_telemetry(identifier) => {}
+            ["VAL_" | "SIG_VALTYPE_", identifier, ..] if is_telemetry(identifier) => {}
             ["SIG_VALTYPE_"] => {
                 text += line;
                 text += "\n    BA_DEF_\n    BA_DEF_DEF_\n    BA_\n";
@@ -171,16 +172,16 @@ fn fd_dbc() -> String {
 
 fn comments() -> Vec<String> {
     let mut lines = vec![format!("CM_ BO_ {IDENTIFIER} \"{COMMENT}\";\n")];
-    let own = |(name, _, comment)| format!("CM_ SG_ {IDENTIFIER} {name} \"{comment}\";\n");
-    lines.extend(OWN.map(own));
+    let comment_line = |(name, _, comment)| format!("CM_ SG_ {IDENTIFIER} {name} \"{comment}\";\n");
+    lines.extend(FD_SIGNALS.map(comment_line));
     lines.extend(lines_of_parts("CM_ SG_"));
     lines
 }
 
 fn tables() -> Vec<String> {
-    let flags = OWN.iter().filter(|(name, ..)| name.starts_with("Has"));
-    let own = flags.map(|(name, ..)| format!("VAL_ {IDENTIFIER} {name} 0 \"no\" 1 \"yes\" ;\n"));
-    own.chain(lines_of_parts("VAL_")).collect()
+    let flags = FD_SIGNALS.iter().filter(|(name, ..)| name.starts_with("Has"));
+    let values = flags.map(|(name, ..)| format!("VAL_ {IDENTIFIER} {name} 0 \"no\" 1 \"yes\" ;\n"));
+    values.chain(lines_of_parts("VAL_")).collect()
 }
 
 #[test]

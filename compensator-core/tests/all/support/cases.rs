@@ -176,7 +176,8 @@ impl Case {
 
     /// Returns the sample for a velocity and covariates, each 0..=1 over its range.
     pub fn sample(velocity: f64, covariates: &[f64; 8], force_before: f64) -> Sample<f64> {
-        let [force, pressure, position, temperature, load, time, acceleration, own] = *covariates;
+        let [force, pressure, position, temperature, load, time, acceleration, auxiliary] =
+            *covariates;
         Sample {
             velocity_rad_s: velocity,
             position_rad: position * 20.0 - 10.0,
@@ -187,7 +188,7 @@ impl Case {
             temperature_c: temperature * 200.0 - 50.0,
             load_torque_nm: (load * 2.0 - 1.0) * 26.0,
             campaign_time_h: time * 2000.0,
-            auxiliary: own * 1000.0 - 200.0,
+            auxiliary: auxiliary * 1000.0 - 200.0,
             ..Sample::default()
         }
     }

@@ -31,7 +31,7 @@ pub struct Trigger {
 
 /// Starts the converter `T`, which has the registers `adc` and whose clock is enabled, with a sequence of `N` channels.
 pub fn start<T: PeripheralType, const N: usize>(
-    _own: Peri<'static, T>,
+    _converter: Peri<'static, T>,
     adc: Adc,
     common: AdcCommon,
     sequence: [(AnyAdcChannel<'static, T>, SampleTime); N],

@@ -25,7 +25,7 @@ const DIVIDER: u32 = 2;
 const COUNTS: u16 = (scales::WATCHDOG_US / 500) as u16;
 
 /// Starts the watchdog. It pauses while a debugger halts the core.
-pub fn start(_own: Peri<'static, peripherals::IWDG>) {
+pub fn start(_watchdog: Peri<'static, peripherals::IWDG>) {
     pac::DBGMCU.apb1lfzr().modify(|w| w.set_iwdg(true));
     pac::IWDG.kr().write(|w| w.set_key(Key::START));
     pac::IWDG.kr().write(|w| w.set_key(Key::ENABLE));

@@ -57,7 +57,7 @@ pub const PROGRAM: Program = Program {
     board: BOARD,
     key_at: KEY_OFFSET,
     base: FLASH_BASE,
-    own: SLOTS[SLOT],
+    running: SLOTS[SLOT],
     other: SLOTS[OTHER],
     stores: [store(SLOT), store(OTHER)],
     store_bytes: STORE_BYTES,

@@ -257,8 +257,8 @@ fn is_in_phase() -> bool {
     let period = 2 * u32::from(PWM_TOP);
     let motor = since_top();
     let (top, count) = (u32::from(PWM_TOP), u32::from(TIMER.cnt().read().cnt()));
-    let own = if TIMER.cr1().read().dir() == vals::Dir::DOWN { top - count } else { top + count };
-    let lead = (own + period - motor) % period;
+    let phase = if TIMER.cr1().read().dir() == vals::Dir::DOWN { top - count } else { top + count };
+    let lead = (phase + period - motor) % period;
     lead.abs_diff(LEAD_CYCLES) <= MAX_PHASE_ERROR_CYCLES
 }
 

@@ -62,7 +62,7 @@ impl<F: NorFlash> Device<F> {
         let drive = &self.base.settings.drive;
         let learner = self.adaptation.learner();
         let followed = learner.and_then(Adaptation::followed);
-        let place = |quantity| FOLLOWED.iter().position(|own| *own == quantity);
+        let place = |quantity| FOLLOWED.iter().position(|candidate| *candidate == quantity);
         AdaptationObject {
             mode: drive.adapt.into(),
             least_gain_permille: drive.adapt_least_permille.into(),

@@ -126,9 +126,9 @@ impl<F: NorFlash> Device<F> {
     /// Evaluates the frame of a report.
     #[inline(never)]
     pub(super) fn step_joint_encoder(&mut self) {
-        let is_own = self.base.settings.source == InputSource::Sensors;
+        let is_on_sensors = self.base.settings.source == InputSource::Sensors;
         let words = self.joint_encoder.words;
-        if !is_own || words.is_none() {
+        if !is_on_sensors || words.is_none() {
             return;
         }
         let drives = self.base.is_bridge_in_use() && !self.motion.is_measuring_motor();

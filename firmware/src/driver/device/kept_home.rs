@@ -70,8 +70,9 @@ impl<F: NorFlash> Device<F> {
     /// Returns angle and position of the last report; `None` without an angle. The position is NaN before homing.
     pub(super) fn measured_home(&self) -> Option<KeptHome> {
         let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
-        let is_own = self.base.settings.source == InputSource::Sensors && is_absolute(set);
-        let is_known = is_own && !self.turn_readings.contradict();
+        let is_absolute_joint =
+            self.base.settings.source == InputSource::Sensors && is_absolute(set);
+        let is_known = is_absolute_joint && !self.turn_readings.contradict();
         let encoder = self.angle_from_zero(report).filter(|_| is_known)?;
         Some(KeptHome {
             position_rad: report.position_rad,

@@ -5,6 +5,7 @@
 //! Receive PDOs with their default mapping are read as the frames they are; with another mapping, each object is
 //! written as if by SDO.
 
+mod identifiers;
 mod mapping;
 mod sync;
 mod transmit;
@@ -15,10 +16,11 @@ use crate::driver::motion::Target;
 use crate::node::dictionary::index;
 use crate::node::sdo::{Abort, Objects};
 use canopen_rs::Address;
-use compensator_core::can::{FdTelemetry, Frame, FrameError, SyncFrame, cob_id};
+use compensator_core::can::{FdTelemetry, Frame, FrameError, SyncFrame};
 use compensator_core::refusal;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
+use identifiers::{DefaultIdentifier, RECEIVE_IDENTIFIERS, TRANSMIT_IDENTIFIERS};
 use mapping::{Direction, Mapping};
 use sync::SyncState;
 use transmit::{LAST_SYNCHRONOUS, TransmitPdo, is_legal_type};
@@ -101,22 +103,20 @@ fn slot_of(at_index: u16) -> (Direction, usize) {
 impl<F: NorFlash> Device<F> {
     /// Returns the identifier of a transmit PDO as in its object; bit 31 is set if the PDO is unused.
     fn transmit_identifier(&self, slot: usize) -> u32 {
-        if let Some(Some(given)) = self.pdos.transmit.get(slot).map(|pdo| pdo.identifier) {
-            return given;
-        }
-        let of_sensors =
-            if self.base.settings.source == InputSource::Sensors { 0 } else { PDO_UNUSED };
-        let (base, unused) = match slot {
-            0 => (cob_id::TPDO_1, 0),
-            1 => (cob_id::TPDO_2, 0),
-            2 => (cob_id::TPDO_3, 0),
-            3 => (cob_id::TPDO_4, of_sensors),
-            4 => (cob_id::TPDO_5, of_sensors),
-            // The predefined set has no sixth identifier. A master usually assigns that of a PDO it does not
-            // need.
-            _ => (cob_id::TPDO_1, PDO_UNUSED),
-        };
-        (u32::from(base) + u32::from(self.pdos.node.number())) | unused
+        let given = self.pdos.transmit.get(slot).and_then(|pdo| pdo.identifier);
+        given.unwrap_or_else(|| self.default_identifier(&TRANSMIT_IDENTIFIERS, slot))
+    }
+
+    /// Returns the identifier of a receive PDO as in its object; bit 31 is set if the PDO is unused.
+    fn receive_identifier(&self, slot: usize) -> u32 {
+        let given = self.pdos.receive.get(slot).and_then(|pdo| pdo.identifier);
+        given.unwrap_or_else(|| self.default_identifier(&RECEIVE_IDENTIFIERS, slot))
+    }
+
+    #[inline(never)]
+    fn default_identifier(&self, of_slots: &[DefaultIdentifier; PDOS], slot: usize) -> u32 {
+        let source = self.base.settings.source;
+        of_slots.get(slot).map_or(PDO_UNUSED, |default| default.value(self.pdos.node, source))
     }
 
     /// Returns the transmission type of a transmit PDO that no master has set. In HIL each sample has its answers, and one
@@ -131,29 +131,6 @@ impl<F: NorFlash> Device<F> {
         if is_at_every_sync { 1 } else { SLOW_TYPE }
     }
 
-    /// Returns the identifier of a receive PDO as in its object; bit 31 is set if the PDO is unused.
-    fn receive_identifier(&self, slot: usize) -> u32 {
-        match self.pdos.receive.get(slot).map(|pdo| pdo.identifier) {
-            Some(Some(given)) => given,
-            _ => self.default_receive_identifier(slot),
-        }
-    }
-
-    #[inline(never)]
-    fn default_receive_identifier(&self, slot: usize) -> u32 {
-        // A joint on its sensors sends Motion and Torque; a joint in HIL receives them with the same identifier.
-        let of_bus = if self.base.settings.source == InputSource::Bus { 0 } else { PDO_UNUSED };
-        let (base, unused) = match slot {
-            0 => (cob_id::RPDO_1, 0),
-            1 => (cob_id::RPDO_2, 0),
-            2 => (cob_id::RPDO_3, 0),
-            3 => (cob_id::RPDO_4, 0),
-            4 => (cob_id::TPDO_4, of_bus),
-            _ => (cob_id::TPDO_5, of_bus),
-        };
-        (u32::from(base) + u32::from(self.pdos.node.number())) | unused
-    }
-
     /// Returns the identifiers of the receive PDOs in use; 0 for none.
     #[inline(never)]
     pub(super) fn pdo_identifiers(&self) -> [u16; PDOS] {
@@ -165,7 +142,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the receive PDO with this identifier.
     pub(super) fn receive_slot(&self, identifier: u16) -> Option<usize> {
-        self.pdo_identifiers().iter().position(|own| *own == identifier && *own != 0)
+        self.pdo_identifiers().iter().position(|used| *used == identifier && *used != 0)
     }
 
     /// Returns the value of a PDO parameter, a mapping or a SYNC object.
@@ -208,14 +185,8 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
         let sync = &mut self.pdos.sync;
         match at.index {
-            index::SYNC_PERIOD => {
-                sync.period_us = number;
-                return Ok(());
-            }
-            index::SYNC_WINDOW => {
-                sync.window_us = number;
-                return Ok(());
-            }
+            index::SYNC_PERIOD => return Ok(sync.period_us = number),
+            index::SYNC_WINDOW => return Ok(sync.window_us = number),
             index::SYNC_OVERFLOW => return self.set_sync_overflow(number),
             _ => {}
         }
@@ -375,7 +346,8 @@ impl<F: NorFlash> Device<F> {
             return self.take_drive_frame(frame);
         }
         let node = self.pdos.node;
-        let identifier = self.default_receive_identifier(slot) as u16 & Frame::MAX_IDENTIFIER;
+        let identifier =
+            self.default_identifier(&RECEIVE_IDENTIFIERS, slot) as u16 & Frame::MAX_IDENTIFIER;
         let Some(frame) = Frame::new(identifier, frame.data()) else { return };
         match Message::parse(&frame) {
             Ok(message) => self.take(&message, &frame, node, now_us),

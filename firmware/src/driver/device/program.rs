@@ -55,7 +55,7 @@ pub(crate) struct ProgramState {
 
 impl ProgramState {
     pub(super) fn new<F: NorFlash>(flash: &mut F, program: Program, now_us: u64) -> Self {
-        let image = match marks::state(flash, &program.own) {
+        let image = match marks::state(flash, &program.running) {
             SlotState::Image(image) => Some(image),
             SlotState::Empty | SlotState::Bare => None,
         };
@@ -168,8 +168,8 @@ impl<F: NorFlash> Device<F> {
             ..
         } = &self.program
         {
-            let own = session.program().own;
-            let _ = marks::order_restart(self.memory.store.flash_mut(), &own, image);
+            let slot = session.program().running;
+            let _ = marks::order_restart(self.memory.store.flash_mut(), &slot, image);
         }
     }
 
@@ -212,8 +212,8 @@ impl<F: NorFlash> Device<F> {
         else {
             return;
         };
-        let own = session.program().own;
-        if marks::confirm(self.memory.store.flash_mut(), &own, image).is_ok() {
+        let slot = session.program().running;
+        if marks::confirm(self.memory.store.flash_mut(), &slot, image).is_ok() {
             image.is_confirmed = true;
             *running = RunningState::Confirmed;
             log!(info, "this program is confirmed");

@@ -63,9 +63,9 @@ impl<F: NorFlash> Device<F> {
         } else {
             self.stored_home.recorded = Some(home);
         }
-        let is_own = self.base.settings.source == InputSource::Sensors
+        let is_absolute_joint = self.base.settings.source == InputSource::Sensors
             && is_absolute(self.base.staging.active());
-        if is_own && matches!(self.home, HomeState::Settled) {
+        if is_absolute_joint && matches!(self.home, HomeState::Settled) {
             self.begin_home(Some(home));
         }
     }

@@ -116,11 +116,11 @@ impl Motion {
 
     /// Stage 2 of the velocity loop: the limit of its current, A.
     fn velocity_loop_limit_a(&self, joint: &JointBase, mover: Mover) -> f32 {
-        let own_a = match mover {
+        let limit_a = match mover {
             Mover::FrictionRun => self.friction_limit_a(),
             _ => joint.rated().0 * self.profile.max_share() * self.torque_share(joint),
         };
-        own_a * joint.supervisor.current_share()
+        limit_a * joint.supervisor.current_share()
     }
 
     /// Returns what the current loop gets.

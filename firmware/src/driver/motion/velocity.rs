@@ -210,8 +210,8 @@ impl Motion {
     #[inline(never)]
     pub(crate) fn max_motor_rpm(&self, joint: &JointBase) -> u32 {
         let motor = &joint.set().motor;
-        let own = motor.velocity_max_rad_s * motor.gear_ratio * RPM;
-        self.profile.max_motor_rpm.unwrap_or(own as u32)
+        let rated_rpm = motor.velocity_max_rad_s * motor.gear_ratio * RPM;
+        self.profile.max_motor_rpm.unwrap_or(rated_rpm as u32)
     }
 
     /// Returns the maximum speed of the joint, rad/s, within its plausible range.

@@ -50,54 +50,11 @@ macro_rules! record {
     };
 }
 
-record! {
-    /// Identity of the device.
-    IdentityObject {
-        vendor_id: Unsigned32, Const;
-        product_code: Unsigned32, Const;
-        revision_number: Unsigned32, Const;
-        serial_number: Unsigned32, Const;
-    }
-}
+mod counters;
+mod profile;
 
-record! {
-    /// COB-IDs of the SDO server.
-    SdoServerObject {
-        client_to_server: Unsigned32, Const;
-        server_to_client: Unsigned32, Const;
-    }
-}
-
-record! {
-    /// COB-ID and transmission type of a receive PDO.
-    PdoObject {
-        cob_id: Unsigned32, ReadWrite;
-        transmission_type: Unsigned8, ReadWrite;
-    }
-}
-
-record! {
-    /// COB-ID, transmission type and deadline of the receive PDO with the targets of a CiA 402 master.
-    DrivePdoObject {
-        cob_id: Unsigned32, ReadWrite;
-        transmission_type: Unsigned8, ReadWrite;
-        inhibit_time: Unsigned16, Const;
-        compatibility_entry: Unsigned8, Const;
-        event_timer_ms: Unsigned16, ReadWrite;
-    }
-}
-
-record! {
-    /// COB-ID, transmission type and times of a transmit PDO.
-    TransmitPdoObject {
-        cob_id: Unsigned32, ReadWrite;
-        transmission_type: Unsigned8, ReadWrite;
-        inhibit_time_100us: Unsigned16, ReadWrite [armed];
-        compatibility_entry: Unsigned8, Const;
-        event_timer_ms: Unsigned16, ReadWrite [armed];
-        sync_start: Unsigned8, ReadWrite;
-    }
-}
+pub use counters::{Counters, FRAME_COUNTERS};
+pub use profile::*;
 
 record! {
     /// Run, sequence and joint kind of the samples that follow in a trace.
@@ -482,46 +439,6 @@ record! {
 }
 
 record! {
-    /// Homing at a stop: torque (thousandths), time, and the largest way (1e-6 rad).
-    HomingStopObject {
-        torque_permille: Unsigned16, ReadWrite;
-        time_ms: Unsigned16, ReadWrite;
-        longest_way: Unsigned32, ReadWrite;
-    }
-}
-
-record! {
-    /// Software position limits, 1e-6 rad.
-    PositionLimitsObject {
-        min_position_limit: Integer32, ReadWrite;
-        max_position_limit: Integer32, ReadWrite;
-    }
-}
-
-record! {
-    /// Speeds of homing, 1e-6 rad/s: to the stop, and back.
-    HomingSpeedsObject {
-        speed_for_switch_search: Unsigned32, ReadWrite;
-        speed_for_zero_search: Unsigned32, ReadWrite;
-    }
-}
-
-record! {
-    /// Time between two targets: value, and exponent of ten, s.
-    InterpolationTimeObject {
-        period: Unsigned8, ReadWrite;
-        index: Integer8, ReadWrite;
-    }
-}
-
-record! {
-    /// Position loop: gain in 1e-3 1/s.
-    PositionLoopObject {
-        gain: Unsigned32, ReadWrite;
-    }
-}
-
-record! {
     /// A scope: settings, state and rows of a capture of the current loop.
     ScopeObject {
         order: Unsigned8, WriteOnly, ORDER;
@@ -536,59 +453,4 @@ record! {
         trigger_row: Unsigned16, ReadOnly, TRIGGER_ROW;
         data: Domain, ReadOnly, DATA;
     }
-}
-
-macro_rules! counters {
-    ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
-        /// Counters of received, sent, unusable and lost frames.
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-        pub struct Counters { $($(#[$doc])* pub $name: u32),* }
-
-        /// Names of the counters, in the order of their sub-indices.
-        pub const FRAME_COUNTERS: &[&str] = &[$(stringify!($name)),*];
-
-        impl Counters {
-            /// Returns the counts in the order of [`FRAME_COUNTERS`].
-            pub const fn words(&self) -> [u32; FRAME_COUNTERS.len()] {
-                [$(self.$name),*]
-            }
-        }
-    };
-}
-
-counters! {
-    /// Frames received.
-    received,
-    /// Frames sent.
-    sent,
-    /// Frames dropped because the send queue was full.
-    not_sent,
-    /// Frames for other nodes.
-    foreign,
-    /// Process frames received while the node was not operational.
-    passed_over,
-    /// Frames for this node with a wrong number of bytes.
-    wrong_length,
-    /// Frames for this node with illegal content.
-    wrong_content,
-    /// SYNC frames lost.
-    sync_lost,
-    /// SYNC frames received twice.
-    sync_duplicate,
-    /// SYNC frames received after a later one.
-    sync_late,
-    /// Command frames received twice.
-    command_duplicate,
-    /// Command frames lost.
-    command_lost,
-    /// Command frames received after a later one.
-    command_late,
-    /// SDO requests refused.
-    sdo_refused,
-    /// Times the controller lost received frames.
-    receiver_overrun,
-    /// Times the controller went bus-off.
-    bus_off,
-    /// Synchronous frames received after the window of their SYNC.
-    outside_window,
 }

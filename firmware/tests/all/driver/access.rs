@@ -18,7 +18,7 @@ const NEW_KEY: u8 = 5;
 const WRONG_RESPONSES: u8 = 7;
 const NEW_POLICY: u8 = 8;
 
-const OWN_KEY: Key = Key::new(*b"sixteen bytes !!");
+const SECRET_KEY: Key = Key::new(*b"sixteen bytes !!");
 
 /// Objects of the service level: index, first and last sub-index.
 const SERVICE: &[(u16, u8, u8)] = &[
@@ -344,14 +344,14 @@ fn lock_discards_what_was_staged_at_service_level() {
 #[test]
 fn new_key_replaces_the_default_and_is_stored_with_a_save() {
     let mut bench = unlocked();
-    bench.write_proven(NEW_KEY, &OWN_KEY.bytes(), &Key::DEFAULT).unwrap();
+    bench.write_proven(NEW_KEY, &SECRET_KEY.bytes(), &Key::DEFAULT).unwrap();
     assert_eq!(bench.read(index::ACCESS, NEW_KEY), Err(0x0601_0001), "a key is not read");
     save(&mut bench).unwrap();
     let mut bench = restarted(bench);
     assert_eq!(bench.unlock(&Key::DEFAULT), Err(OUT_OF_RANGE));
     bench.pass_ms(1000);
-    bench.unlock(&OWN_KEY).unwrap();
-    bench.write_proven(NEW_KEY, &Key::DEFAULT.bytes(), &OWN_KEY).unwrap();
+    bench.unlock(&SECRET_KEY).unwrap();
+    bench.write_proven(NEW_KEY, &Key::DEFAULT.bytes(), &SECRET_KEY).unwrap();
     save(&mut bench).unwrap();
     restarted(bench).unlock(&Key::DEFAULT).unwrap();
 }
@@ -363,7 +363,7 @@ fn new_key_or_policy_without_the_proof_of_the_present_key_is_refused() {
         let other_change: Vec<u8> = change.iter().map(|byte| byte ^ 1).collect();
         // Of no value, of another one, and of this one with another key.
         for (key, proven) in
-            [(Key::DEFAULT, &[][..]), (Key::DEFAULT, &other_change), (OWN_KEY, change)]
+            [(Key::DEFAULT, &[][..]), (Key::DEFAULT, &other_change), (SECRET_KEY, change)]
         {
             let mut bench = unlocked();
             let proof = bench.proof(&key, proven);
@@ -388,14 +388,14 @@ fn new_key_or_policy_without_the_proof_of_the_present_key_is_refused() {
 #[test]
 fn restored_defaults_keep_key_and_policy() {
     let mut bench = unlocked();
-    bench.write_proven(NEW_KEY, &OWN_KEY.bytes(), &Key::DEFAULT).unwrap();
+    bench.write_proven(NEW_KEY, &SECRET_KEY.bytes(), &Key::DEFAULT).unwrap();
     bench.write(index::FOLLOWING_TIME, 0, &[5, 0]).unwrap();
     save(&mut bench).unwrap();
     bench.write(index::RESTORE, 1, b"load").unwrap();
     let mut bench = restarted(bench);
     assert_ne!(bench.number(index::FOLLOWING_TIME, 0), 5);
     assert_eq!(bench.number(index::ACCESS, LEVEL), 0);
-    bench.unlock(&OWN_KEY).expect("the key is the same");
+    bench.unlock(&SECRET_KEY).expect("the key is the same");
 }
 
 #[test]

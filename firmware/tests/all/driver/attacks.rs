@@ -12,7 +12,7 @@ use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::{Access, DataType, OBJECTS, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 
-const OWN_KEY: Key = Key::new(*b"sixteen bytes !!");
+const SECRET_KEY: Key = Key::new(*b"sixteen bytes !!");
 const RESPONSE: u8 = 3;
 const LOCK: u8 = 4;
 const NEW_KEY: u8 = 5;
@@ -40,7 +40,7 @@ fn pass(bench: &mut Bench, milliseconds: u64) {
 fn installed() -> Bench {
     let mut bench = Bench::on_sensors();
     bench.commission();
-    bench.write_proven(NEW_KEY, &OWN_KEY.bytes(), &Key::DEFAULT).unwrap();
+    bench.write_proven(NEW_KEY, &SECRET_KEY.bytes(), &Key::DEFAULT).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
     restarted(bench)
 }
@@ -138,12 +138,12 @@ fn attacker_sends_telemetry_in_the_name_of_the_joint() {
     bench.start();
     let messages = super::sample(&mut bench, 0);
     let mut sent = messages.iter().map(Message::emit);
-    let own = sent.find(|sent| sent.identifier() == 0x381).expect("telemetry");
+    let telemetry = sent.find(|sent| sent.identifier() == 0x381).expect("telemetry");
     // Another content in the same frame is as good: nothing in it depends on the sender.
-    for bit in 0..8 * own.data().len() {
-        let mut data = own.data().to_vec();
+    for bit in 0..8 * telemetry.data().len() {
+        let mut data = telemetry.data().to_vec();
         data[bit / 8] ^= 1 << (bit % 8);
-        let forged = frame(own.identifier(), &data);
+        let forged = frame(telemetry.identifier(), &data);
         assert!(matches!(Message::parse(&forged), Ok(Message::Telemetry(NODE, _))), "{bit}");
     }
 }
@@ -264,8 +264,9 @@ fn attacker_reads_every_object_but_the_key() {
                 _ => assert!(read.is_ok() || is_empty, "{at}: {read:?}"),
             }
             if let Ok(value) = read {
-                let leaks =
-                    value.windows(4).any(|part| OWN_KEY.bytes().windows(4).any(|key| key == part));
+                let leaks = value
+                    .windows(4)
+                    .any(|part| SECRET_KEY.bytes().windows(4).any(|key| key == part));
                 assert!(!leaks, "{at}");
             }
         }
@@ -277,7 +278,7 @@ fn attacker_reads_every_object_but_the_key() {
 fn attacker_uses_the_session_of_a_tool() {
     let mut bench = installed();
     assert_eq!(bench.write(index::FOLLOWING_TIME, 0, &[5, 0]), Err(LOCKED));
-    bench.unlock(&OWN_KEY).expect("the tool's key");
+    bench.unlock(&SECRET_KEY).expect("the tool's key");
     // The frames of the attacker do not differ from those of the tool.
     bench.write(index::FOLLOWING_TIME, 0, &[5, 0]).unwrap();
     bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
@@ -293,9 +294,9 @@ fn attacker_who_listens_to_a_key_change_has_the_key() {
     let mut bench = Bench::on_sensors();
     bench.unlock(&Key::DEFAULT).unwrap();
     // The frames of the tool: 2041h:5 with key and proof of 24 bytes, in segments of seven.
-    let proof = bench.proof(&Key::DEFAULT, &OWN_KEY.bytes());
+    let proof = bench.proof(&Key::DEFAULT, &SECRET_KEY.bytes());
     let mut wire: Vec<[u8; 8]> = vec![[0x21, 0x41, 0x20, 5, 24, 0, 0, 0]];
-    for (place, part) in [&OWN_KEY.bytes()[..], &proof].concat().chunks(7).enumerate() {
+    for (place, part) in [&SECRET_KEY.bytes()[..], &proof].concat().chunks(7).enumerate() {
         let unused = 7 - part.len();
         let mut segment = [0; 8];
         segment[0] = (place as u8 % 2) << 4 | (unused as u8) << 1 | u8::from(unused > 0);
@@ -325,10 +326,10 @@ fn attacker_unlocks_a_joint_that_has_the_default_key() {
 fn attacker_keeps_a_tool_out_with_wrong_responses() {
     let mut bench = installed();
     assert!(bench.write(index::ACCESS, RESPONSE, &[0; 8]).is_err());
-    assert_eq!(bench.unlock(&OWN_KEY), Err(super::STATE_REFUSED));
+    assert_eq!(bench.unlock(&SECRET_KEY), Err(super::STATE_REFUSED));
     // A challenge that another node reads replaces that of the tool.
     pass(&mut bench, 1000);
-    let response = bench.response(&OWN_KEY);
+    let response = bench.response(&SECRET_KEY);
     bench.read(index::ACCESS, 2).unwrap();
     assert!(bench.write(index::ACCESS, RESPONSE, &response).is_err());
 }
@@ -337,7 +338,7 @@ fn attacker_keeps_a_tool_out_with_wrong_responses() {
 #[test]
 fn attacker_ends_the_transfer_of_a_tool() {
     let mut bench = installed();
-    bench.unlock(&OWN_KEY).unwrap();
+    bench.unlock(&SECRET_KEY).unwrap();
     // The tool begins to write 2027h:6, and the attacker aborts it.
     bench.driver.receive(&frame(0x601, &[0x21, 0x27, 0x20, 6, 0, 1, 0, 0]), bench.now_us);
     bench.driver.receive(&frame(0x601, &[0x80, 0x27, 0x20, 6, 0, 0, 0, 8]), bench.now_us);

@@ -9,7 +9,7 @@ use firmware::node_settings::InputSource;
 use firmware::store::image::PAYLOAD_AT;
 use firmware::store::memory::{PAGE_BYTES, TornStep};
 
-const OWN_KEY: Key = Key::new(*b"sixteen bytes !!");
+const SECRET_KEY: Key = Key::new(*b"sixteen bytes !!");
 const NODE: NodeId = NodeId::new(5).expect("a legal number");
 const NEW_KEY: u8 = 5;
 /// Offsets of the two slots, of two pages each.
@@ -21,7 +21,7 @@ fn save(bench: &mut Bench) -> Result<(), u32> {
 
 /// Sets key and node number.
 fn set_up(bench: &mut Bench) {
-    bench.write_proven(NEW_KEY, &OWN_KEY.bytes(), &Key::DEFAULT).expect("the default key");
+    bench.write_proven(NEW_KEY, &SECRET_KEY.bytes(), &Key::DEFAULT).expect("the default key");
     bench.write(index::OPERATION, 6, &[NODE.number()]).expect("a legal number");
 }
 
@@ -53,7 +53,7 @@ fn assert_kept(flash: Flash, case: &str) {
     assert!(bench.unlock(&Key::DEFAULT).is_err(), "{case}");
     bench.pass_ms(1000);
     bench.sent();
-    assert_eq!(bench.unlock(&OWN_KEY), Ok(()), "{case}");
+    assert_eq!(bench.unlock(&SECRET_KEY), Ok(()), "{case}");
 }
 
 fn damaged(flash: &Flash, places: impl IntoIterator<Item = usize>) -> Flash {
@@ -102,7 +102,7 @@ fn store_without_any_intact_copy_locks_the_joint_for_every_key() {
     let all = 0..4 * PAGE_BYTES;
     let mut bench = started(damaged(&stored(2), all));
     assert_eq!(bench.write(index::FOLLOWING_TIME, 0, &[9, 0]), Err(LOCKED));
-    for key in [Key::DEFAULT, OWN_KEY, Key::new([0; 16])] {
+    for key in [Key::DEFAULT, SECRET_KEY, Key::new([0; 16])] {
         assert!(bench.unlock(&key).is_err());
         bench.pass_ms(60_000);
         bench.sent();
@@ -142,7 +142,7 @@ fn power_cut_during_a_save_leaves_the_key_before_or_after_it() {
                 flash.power_on();
                 let mut bench = started(flash);
                 let is_new = bench.driver.node() == NODE;
-                let key = if is_new { OWN_KEY } else { Key::DEFAULT };
+                let key = if is_new { SECRET_KEY } else { Key::DEFAULT };
                 assert_eq!(bench.unlock(&key), Ok(()), "{torn:?} in step {step} of {saves}");
                 if is_new { taken += 1 } else { kept += 1 }
             }

@@ -132,11 +132,11 @@ fn arming_frames_of_a_wrong_length_do_not_close_the_bridge() {
 fn hostile_frame() -> impl Strategy<Value = (u16, Vec<u8>)> {
     let data = || proptest::collection::vec(any::<u8>(), 0..=8);
     // Identifiers that the driver receives.
-    let own = [0x000, 0x080, 0x201, 0x301, 0x401, 0x481, 0x501, 0x681, 0x601, 0x7E5];
+    let joint_identifiers = [0x000, 0x080, 0x201, 0x301, 0x401, 0x481, 0x501, 0x681, 0x601, 0x7E5];
     let arming = ARMING.map(|(identifier, data)| (identifier, data.to_vec()));
     prop_oneof![
         (0u16..=0x7FF, data()),
-        (proptest::sample::select(own.to_vec()), data()),
+        (proptest::sample::select(joint_identifiers.to_vec()), data()),
         proptest::sample::select(arming.to_vec()),
     ]
     // A restart would end the test.

@@ -14,8 +14,9 @@ use firmware::supervisor::{Code, ResetCause, SelfTest};
 /// Returns emergency code and manufacturer code of each emergency.
 fn emergencies(bench: &mut Bench) -> Vec<(u16, u8)> {
     let frames = bench.sent();
-    let own = frames.iter().filter(|frame| frame.identifier() == 0x081);
-    own.map(|frame| (u16::from_le_bytes([frame.data()[0], frame.data()[1]]), frame.data()[3]))
+    let emergencies = frames.iter().filter(|frame| frame.identifier() == 0x081);
+    emergencies
+        .map(|frame| (u16::from_le_bytes([frame.data()[0], frame.data()[1]]), frame.data()[3]))
         .collect()
 }
 

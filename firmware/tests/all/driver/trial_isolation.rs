@@ -25,13 +25,13 @@ pub type BankFlash = MemoryFlash<16>;
 pub const PAGE: u32 = PAGE_BYTES as u32;
 
 /// Starts a joint that can be updated, whose store is in bank `1 - own`.
-pub fn with_banks(flash: BankFlash, own: u32) -> Bench<BankFlash> {
+pub fn with_banks(flash: BankFlash, running: u32) -> Bench<BankFlash> {
     let bank = |number: u32| Slot { start: 8 * number * PAGE, marks: (8 * number + 3) * PAGE };
-    let (own, other) = (bank(own), bank(1 - own));
+    let (running, other) = (bank(running), bank(1 - running));
     let program = Program {
-        own,
+        running,
         other,
-        stores: [own, other].map(|bank| bank.start + 4 * PAGE),
+        stores: [running, other].map(|bank| bank.start + 4 * PAGE),
         store_bytes: 4 * PAGE,
         ..update::program(0)
     };

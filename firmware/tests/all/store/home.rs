@@ -209,9 +209,9 @@ fn bank(number: u32) -> [Range<u32>; 2] {
 }
 
 /// Starts an image that runs from this bank.
-fn start_from(own: u32, flash: MemoryFlash<8>) -> (Store<MemoryFlash<8>>, FoundHome) {
+fn start_from(running: u32, flash: MemoryFlash<8>) -> (Store<MemoryFlash<8>>, FoundHome) {
     let mut store = Store::open(flash);
-    let (_, home) = store.open_mirrored(bank(own), bank(1 - own), |_| Some(IDENTITY));
+    let (_, home) = store.open_mirrored(bank(running), bank(1 - running), |_| Some(IDENTITY));
     (store, home)
 }
 
@@ -220,18 +220,18 @@ fn home_follows_updates_and_none_becomes_valid_again() {
     let (mut store, home) = start_from(0, MemoryFlash::new());
     assert_eq!(home, FoundHome::None);
     store.save(&set(1), &IDENTITY).unwrap();
-    for (number, own) in (1..).zip([1, 0, 1, 0, 1]) {
+    for (number, running) in (1..).zip([1, 0, 1, 0, 1]) {
         store.append_home(&record(number), true).unwrap();
         let home;
-        (store, home) = start_from(own, store.into_flash());
-        assert_eq!(home, FoundHome::At(record(number)), "update to bank {own}");
+        (store, home) = start_from(running, store.into_flash());
+        assert_eq!(home, FoundHome::At(record(number)), "update to bank {running}");
         // Without a new record, the joint may have moved since.
         let home;
-        (store, home) = start_from(own, store.into_flash());
-        assert!(!matches!(home, FoundHome::At(_)), "{home:?} after a start from bank {own}");
+        (store, home) = start_from(running, store.into_flash());
+        assert!(!matches!(home, FoundHome::At(_)), "{home:?} after a start from bank {running}");
         let home;
-        (store, home) = start_from(1 - own, store.into_flash());
-        assert!(!matches!(home, FoundHome::At(_)), "{home:?} after a return from bank {own}");
-        (store, _) = start_from(own, store.into_flash());
+        (store, home) = start_from(1 - running, store.into_flash());
+        assert!(!matches!(home, FoundHome::At(_)), "{home:?} after a return from bank {running}");
+        (store, _) = start_from(running, store.into_flash());
     }
 }

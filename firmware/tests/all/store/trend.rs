@@ -261,9 +261,9 @@ fn bank(number: u32) -> [Range<u32>; 2] {
 }
 
 /// Starts an image that runs from this bank.
-fn start_from(own: u32, flash: MemoryFlash<8>) -> Store<MemoryFlash<8>> {
+fn start_from(running: u32, flash: MemoryFlash<8>) -> Store<MemoryFlash<8>> {
     let mut store = Store::open(flash);
-    let (journals, _) = store.open_mirrored(bank(own), bank(1 - own), |_| Some(IDENTITY));
+    let (journals, _) = store.open_mirrored(bank(running), bank(1 - running), |_| Some(IDENTITY));
     store.restore_trend(journals);
     store
 }
@@ -281,12 +281,12 @@ fn trend_follows_updates_to_the_other_bank_and_back() {
         number
     };
     append(&mut store);
-    for own in [1, 0, 1, 0] {
-        store = start_from(own, store.into_flash());
+    for running in [1, 0, 1, 0] {
+        store = start_from(running, store.into_flash());
         let last = append(&mut store);
-        assert_eq!(numbers(&mut store), (1..=last).collect::<Vec<_>>(), "in bank {own}");
+        assert_eq!(numbers(&mut store), (1..=last).collect::<Vec<_>>(), "in bank {running}");
         let steps = store.flash().steps();
-        store = start_from(own, store.into_flash());
+        store = start_from(running, store.into_flash());
         assert_eq!(store.flash().steps(), steps, "a start with a complete trend writes nothing");
     }
 }

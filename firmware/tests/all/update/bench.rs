@@ -15,7 +15,7 @@ pub type Flash = MemoryFlash<8>;
 const PAGE: u32 = PAGE_BYTES as u32;
 pub const BOARD: Board = Board { number: 0x4734_3734, wiring: 0x77 };
 const BASE: u32 = 0x0800_0000;
-pub const OWN: Slot = Slot { start: 0, marks: 3 * PAGE };
+pub const RUNNING: Slot = Slot { start: 0, marks: 3 * PAGE };
 pub const OTHER: Slot = Slot { start: 4 * PAGE, marks: 7 * PAGE };
 /// Length of the images: not whole pages.
 pub const IMAGE_BYTES: usize = 4400;
@@ -25,11 +25,11 @@ pub fn key() -> SigningKey {
 }
 
 /// The device's view: it runs from slot `own`, 0 or 1.
-pub fn program(own: usize) -> Program {
-    let (own, other) = if own == 0 { (OWN, OTHER) } else { (OTHER, OWN) };
+pub fn program(running: usize) -> Program {
+    let (running, other) = if running == 0 { (RUNNING, OTHER) } else { (OTHER, RUNNING) };
     // There is no boot program, and the parameter store is not used here.
     let key_at = u32::MAX;
-    Program { board: BOARD, key_at, base: BASE, own, other, stores: [0; 2], store_bytes: 0 }
+    Program { board: BOARD, key_at, base: BASE, running, other, stores: [0; 2], store_bytes: 0 }
 }
 
 /// A package whose image is linked for slot 1, unless [`Package::linked_for`] changes it.
@@ -43,7 +43,7 @@ impl Package {
     /// Returns the package of the same image for this slot. One for slot 1 is not changed.
     fn linked_for(&self, slot: usize) -> Self {
         let key = self.key.clone();
-        let address = program(1 - slot).image_address(&[OWN, OTHER][slot]);
+        let address = program(1 - slot).image_address(&[RUNNING, OTHER][slot]);
         if self.header.address == address {
             return Self { header: self.header, bytes: self.bytes.clone(), key };
         }
@@ -105,9 +105,9 @@ pub fn flash_with(package: &Package) -> Flash {
 }
 
 /// Receives and verifies a package, resuming if the flash holds a part of it.
-pub fn receive(flash: &mut Flash, own: usize, package: &Package) -> End {
-    let package = package.linked_for(1 - own);
-    let mut receiver = Receiver::new(program(own));
+pub fn receive(flash: &mut Flash, running: usize, package: &Package) -> End {
+    let package = package.linked_for(1 - running);
+    let mut receiver = Receiver::new(program(running));
     let resumed = receiver.resume(flash);
     if resumed.map(|header| header.identity) != Some(package.header.identity)
         && let Err(refusal) = receiver.clear(flash)
@@ -151,12 +151,14 @@ pub fn start(flash: &mut Flash, has_failed: bool) -> Selection {
 /// Starts the device after this end of its last run.
 pub fn start_after(flash: &mut Flash, last_run: LastRun) -> Selection {
     let public_key = key().verifying_key().to_bytes();
-    select(flash, &[OWN, OTHER], &Requirement { board: BOARD, public_key }, last_run, |_, _| true)
+    select(flash, &[RUNNING, OTHER], &Requirement { board: BOARD, public_key }, last_run, |_, _| {
+        true
+    })
 }
 
 /// Confirms the image of a slot.
 pub fn confirm(flash: &mut Flash, slot: usize) -> Result<(), marks::MarkError> {
-    let slot = [OWN, OTHER][slot];
+    let slot = [RUNNING, OTHER][slot];
     match marks::state(flash, &slot) {
         SlotState::Image(image) => marks::confirm(flash, &slot, &image),
         state => panic!("no image: {state:?}"),
@@ -166,7 +168,7 @@ pub fn confirm(flash: &mut Flash, slot: usize) -> Result<(), marks::MarkError> {
 /// Returns the image of a slot, byte by byte.
 pub fn image(flash: &mut Flash, slot: usize, length: usize) -> Vec<u8> {
     let mut bytes = vec![0; length];
-    let start = [OWN, OTHER][slot].start + HEADER_BYTES as u32;
+    let start = [RUNNING, OTHER][slot].start + HEADER_BYTES as u32;
     flash.read(start, &mut bytes).unwrap();
     bytes
 }
@@ -181,7 +183,7 @@ pub fn assert_starts_one_of(
     let found = packages.iter().position(|package| {
         let expected = &package.bytes[HEADER_BYTES..];
         let mut bytes = vec![0; expected.len()];
-        flash.read([OWN, OTHER][slot].start + HEADER_BYTES as u32, &mut bytes).is_ok()
+        flash.read([RUNNING, OTHER][slot].start + HEADER_BYTES as u32, &mut bytes).is_ok()
             && bytes == expected
     });
     found.unwrap_or_else(|| panic!("slot {slot} holds none of the images"))
@@ -189,6 +191,6 @@ pub fn assert_starts_one_of(
 
 /// Erases the mark page of a slot.
 pub fn erase_marks(flash: &mut Flash, slot: usize) {
-    let page = [OWN, OTHER][slot].marks_page(PAGE);
+    let page = [RUNNING, OTHER][slot].marks_page(PAGE);
     flash.erase(page.start, page.end).unwrap();
 }

@@ -148,7 +148,7 @@ impl<W: World> Chip<W> {
                 self.nvic.write(address - 0xE000_E000, size, value);
             }
             VTOR => {
-                self.flash.own_bank = word.wrapping_sub(flash::BASE) / flash::BANK_BYTES;
+                self.flash.running_bank = word.wrapping_sub(flash::BASE) / flash::BANK_BYTES;
                 self.memory.insert(aligned, word);
             }
             AIRCR if word & 0xFFFF_0004 == 0x05FA_0004 => self.request_reset(),

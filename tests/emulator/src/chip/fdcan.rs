@@ -264,21 +264,21 @@ impl Fdcan {
         if self.on_bus.is_some() || self.arrival.is_some() {
             return;
         }
-        let own = self.next_element().filter(|_| self.is_running());
-        let own = own.and_then(|element| Some((element, self.outgoing(element)?)));
+        let waiting = self.next_element().filter(|_| self.is_running());
+        let waiting = waiting.and_then(|element| Some((element, self.outgoing(element)?)));
         let start = now.max(self.bus_free);
         self.sort_arriving(start);
         let arrives = self.arriving.front();
-        let others_win = match (&own, arrives) {
+        let others_win = match (&waiting, arrives) {
             (_, None) => false,
             (None, Some(_)) => true,
-            (Some((_, own)), Some((from, other, _))) => {
-                *from <= start && other.identifier() < own.identifier()
+            (Some((_, waiting)), Some((from, other, _))) => {
+                *from <= start && other.identifier() < waiting.identifier()
             }
         };
         if others_win && let Some((from, frame, _)) = arrives {
             self.arrival = Some(start.max(*from) + frame_cycles(frame));
-        } else if let Some((element, frame)) = own {
+        } else if let Some((element, frame)) = waiting {
             let cycles = match &frame {
                 Outgoing::Classic(frame) => frame_cycles(frame),
                 Outgoing::Fd(_) => self.fd_cycles(),
@@ -311,7 +311,7 @@ impl Fdcan {
             if let Some((end, element)) = self.on_bus.take() {
                 let is_fd = matches!(self.outgoing(element), Some(Outgoing::Fd(_)));
                 let is_lost = is_fd && !self.finds_own_data();
-                self.finish_own(end, element, is_destroyed || is_lost);
+                self.finish_transmission(end, element, is_destroyed || is_lost);
             } else if let Some(end) = self.arrival.take() {
                 self.finish_other(end, is_destroyed);
             }
@@ -329,7 +329,7 @@ impl Fdcan {
         ((self.random >> 33) as f64) < self.destroyed_share * f64::from(1u32 << 31)
     }
 
-    fn finish_own(&mut self, end: u64, element: usize, is_destroyed: bool) {
+    fn finish_transmission(&mut self, end: u64, element: usize, is_destroyed: bool) {
         if is_destroyed {
             self.errors[0] += TRANSMIT_ERROR;
             self.bus_free = end + ERROR_BITS * BIT_CYCLES;

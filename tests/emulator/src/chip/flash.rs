@@ -124,7 +124,7 @@ pub struct Flash {
     /// Place of the parameter store.
     store: Range<usize>,
     /// Bank from which the core executes: it waits for the operations there.
-    pub own_bank: u32,
+    pub running_bank: u32,
     registers: [u32; 32],
     keys_seen: usize,
     first_word: Option<(u32, u32)>,
@@ -146,7 +146,7 @@ impl Default for Flash {
         Self {
             content: Content::default(),
             store: 0..0,
-            own_bank: 0,
+            running_bank: 0,
             registers,
             keys_seen: 0,
             first_word: None,
@@ -262,7 +262,7 @@ impl Flash {
         }
         self.content.apply(&operation);
         self.record_cut();
-        if part.start / BANK_BYTES == self.own_bank {
+        if part.start / BANK_BYTES == self.running_bank {
             self.stall += cycles;
         }
         self.changes.push(part);
@@ -391,9 +391,9 @@ mod tests {
 
     #[test]
     fn operation_in_own_bank_stalls_the_core() {
-        for (own_bank, is_stalled) in [(1, true), (0, false)] {
+        for (running_bank, is_stalled) in [(1, true), (0, false)] {
             let mut flash = unlocked();
-            flash.own_bank = own_bank;
+            flash.running_bank = running_bank;
             flash.write(CR, 1 << 1 | 1 << 11 | START, 0);
             assert_eq!(flash.take_stall() > 0, is_stalled);
         }

@@ -18,6 +18,7 @@ pub fn run(data: &[u8]) {
     let file = match parse(text) {
         Ok(file) => file,
         Err(error) => {
+            let error = error.to_string();
             assert!(!error.is_empty() && !error.contains('\n'), "{error:?}");
             return;
         }

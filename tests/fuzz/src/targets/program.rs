@@ -31,7 +31,7 @@ const CLEAR: u8 = 3;
 const START: u8 = 1;
 const CONFIRMED: u32 = 2;
 /// Places of the mark CONFIRMED, bytes from the begin of the marks.
-const OWN_MARKS: Range<u32> = 5 * 8..16 * 8;
+const RUNNING_MARKS: Range<u32> = 5 * 8..16 * 8;
 /// Longest time of an input, ms.
 const LONGEST_MS: u64 = 100_000;
 
@@ -160,13 +160,13 @@ impl Joint {
 
     /// Tells the flash what the joint may write now.
     fn allow(&mut self) {
-        let Running::Driver(driver, own) = &mut self.running else { return };
-        let (own, other) = (SLOTS[*own], SLOTS[1 - *own]);
-        let own_marks = own.marks + OWN_MARKS.start..own.marks + OWN_MARKS.end;
+        let Running::Driver(driver, running) = &mut self.running else { return };
+        let (running, other) = (SLOTS[*running], SLOTS[1 - *running]);
+        let running_marks = running.marks + RUNNING_MARKS.start..running.marks + RUNNING_MARKS.end;
         driver.joint.flash_mut().allowed = if driver.joint.is_armed() {
             vec![]
         } else {
-            vec![other.start..other.marks + PAGE, own_marks]
+            vec![other.start..other.marks + PAGE, running_marks]
         };
     }
 
@@ -187,8 +187,9 @@ impl Joint {
     }
 
     fn note_confirmation(&mut self) {
-        if let Running::Driver(driver, own) = &mut self.running
-            && let SlotState::Image(image) = marks::state(driver.joint.flash_mut(), &SLOTS[*own])
+        if let Running::Driver(driver, running) = &mut self.running
+            && let SlotState::Image(image) =
+                marks::state(driver.joint.flash_mut(), &SLOTS[*running])
         {
             self.has_image |= image.is_confirmed;
         }
@@ -257,7 +258,7 @@ impl Joint {
     /// Number of the slot that receives.
     fn receiving_slot(&self) -> usize {
         match &self.running {
-            Running::Driver(_, own) => 1 - own,
+            Running::Driver(_, running) => 1 - running,
             _ => 1,
         }
     }
@@ -275,9 +276,9 @@ impl Joint {
 
     /// Arms the joint, as one in HIL, or disarms it.
     fn arm(&mut self, arms: bool) {
-        let Running::Driver(driver, own) = &self.running else { return };
+        let Running::Driver(driver, running) = &self.running else { return };
         let mut flash = driver.joint.flash().clone();
-        let state = marks::state(&mut flash, &SLOTS[*own]);
+        let state = marks::state(&mut flash, &SLOTS[*running]);
         let is_trial = matches!(state, SlotState::Image(image) if !image.is_confirmed);
         self.write(index::OPERATION, OperationObject::SOURCE, &[1]);
         let is_busy = self.read(index::PROGRAM_CONTROL, 1) == Some(0);

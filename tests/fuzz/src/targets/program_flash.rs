@@ -85,21 +85,21 @@ fn check_start(flash: &mut Flash, has_failed: bool) -> Selection {
 }
 
 /// Checks what a session reads of the flash that was changed, from either slot.
-fn check_session(flash: &Flash, own: usize) {
+fn check_session(flash: &Flash, running: usize) {
     let mut flash = flash.clone();
     let before: Vec<_> = flash.image().copied().collect();
-    let mut session = Session::new(&mut flash, program(own), 0);
+    let mut session = Session::new(&mut flash, program(running), 0);
     assert!(before.iter().eq(flash.image()), "a new session writes");
     let _ = (session.other(), session.flash_status(), session.received());
-    let mut receiver = Receiver::new(program(own));
+    let mut receiver = Receiver::new(program(running));
     if let Some(header) = receiver.resume(&mut flash.clone()) {
         assert!(receiver.received() > 0 && receiver.received() < header.package_bytes());
         assert!(receiver.received().is_multiple_of(PAGE));
     }
     let _ = session.control(&mut flash, 0, 0);
     // Only the slot that does not run is written, marks included.
-    let start = SLOTS[own].start / PAGE;
-    let kept = start as usize..(SLOTS[own].marks / PAGE + 1) as usize;
+    let start = SLOTS[running].start / PAGE;
+    let kept = start as usize..(SLOTS[running].marks / PAGE + 1) as usize;
     let mut now = vec![[0; PAGE as usize]; kept.len()];
     for (page, number) in now.iter_mut().zip(kept.clone()) {
         flash.read(number as u32 * PAGE, page).expect("a page");

@@ -22,7 +22,7 @@ const MODELS: [(&str, &[TermKind], [f64; 2]); 3] = [
     ("improved LuGre", &[], [0.28, 0.34]),
     (
         "improved LuGre + the three most expensive terms",
-        &COSTLIEST_TERMS.split_at(3).0,
+        COSTLIEST_TERMS.split_at(3).0,
         [0.42, 0.50],
     ),
     ("improved LuGre + the eight most expensive terms", &COSTLIEST_TERMS, [0.51, 0.60]),

@@ -3,7 +3,7 @@
 
 use crate::common::image;
 use compensator_core::LawKind;
-use emulated_board::BoardDriver;
+use emulated_board::{BoardDriver, EmulatorError};
 use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
 use firmware::reference_joint::configuration;
@@ -21,7 +21,7 @@ pub fn set() -> ParameterSet {
 }
 
 /// Starts the image with this set on the reference joint.
-pub fn rig(set: &ParameterSet) -> Result<JointRig<'static>, String> {
+pub fn rig(set: &ParameterSet) -> Result<JointRig<'static>, EmulatorError> {
     let start = PowerUp { set: Some(set), commissioned: true, board: true, ..PowerUp::default() };
     let faults = RigFaults::default();
     let mut plant = JointPlant::with_phase(&Parameters::default(), Load::Free, [0.7, 2.1], 5);

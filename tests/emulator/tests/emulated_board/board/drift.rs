@@ -280,8 +280,8 @@ fn outcomes(drawn: &Drawn, case: &Case) -> [Outcome; 4] {
 
 fn emit(drawn: &Drawn, case: &Case, outcomes: &[Outcome; 4]) -> String {
     let mut text = format!("{}\t{}\t{}", drawn.joint.seed, case.family.name(), case.name);
-    for own in outcomes {
-        let _ = write!(text, "\t{:.3}", 1e3 * own.rms_rad);
+    for outcome in outcomes {
+        let _ = write!(text, "\t{:.3}", 1e3 * outcome.rms_rad);
     }
     let _ = writeln!(text, "\t{:.3}\t{:.3}", outcomes[1].level_gain, outcomes[3].level_gain);
     text
@@ -293,10 +293,10 @@ fn check(case: &Case, outcomes: &[Outcome; 4]) {
     assert!(adaptive.rms_rad < case.most_error * fixed.rms_rad, "{case:?}: {outcomes:?}");
     let [least, most] = case.level_gain;
     assert!((least..=most).contains(&adaptive.level_gain), "{case:?}: {outcomes:?}");
-    for (own, other) in [(fixed, library_fixed), (adaptive, library_adaptive)] {
-        let share = own.rms_rad / other.rms_rad - 1.0;
+    for (image, library) in [(fixed, library_fixed), (adaptive, library_adaptive)] {
+        let share = image.rms_rad / library.rms_rad - 1.0;
         assert!(share.abs() < LARGEST_ERROR_SHARE, "{case:?}: {outcomes:?}");
-        let gain = own.level_gain - other.level_gain;
+        let gain = image.level_gain - library.level_gain;
         assert!(gain.abs() < LARGEST_GAIN_DIFFERENCE, "{case:?}: {outcomes:?}");
     }
 }

@@ -67,7 +67,7 @@ fn requests(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
 /// Layer setting services.
 fn lss(random: &mut Pcg64Mcg, number: u32) -> FloodFrame {
     let mut data = bytes(random, 8);
-    if number % 2 == 0 {
+    if number.is_multiple_of(2) {
         data[0] = [0x04, 0x11, 0x13, 0x17, 0x40, 0x43, 0x4C, 0x51, 0x5A, 0x5E]
             [random.random_range(0..10)];
         data[1] = random.random_range(0..3);
@@ -98,8 +98,8 @@ fn short_frames(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
 fn random_frames(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
     let length = random.random_range(0..=8);
     let identifier = random.random_range(1..0x800);
-    let is_own = identifier & 0x7F == 1;
-    (if is_own { identifier + 1 } else { identifier }, bytes(random, length), false)
+    let is_to_joint = identifier & 0x7F == 1;
+    (if is_to_joint { identifier + 1 } else { identifier }, bytes(random, length), false)
 }
 
 const FLOODS: [(&str, Flood); 9] = [

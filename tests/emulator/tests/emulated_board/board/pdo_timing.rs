@@ -163,14 +163,14 @@ impl Bus {
         let begun = self.driver.machine_mut().now();
         let mut timing =
             Timing { delays_us: Vec::new(), missing: 0, late_controlwords: 0, load: 0.0 };
-        let (mut expected, mut own) = (None, 0);
+        let (mut expected, mut sent_frames) = (None, 0);
         for cycle in 0..CYCLES {
             let (controlword, state) = [(0x06, 0x21), (0x07, 0x23)][cycle % 2];
             let sync = self.run_cycle(controlword);
             let is_pdo =
                 |(end, frame): &&(u64, Frame)| frame.identifier() == TRANSMIT_PDO && *end > sync;
             let pdo = self.sent.iter().find(is_pdo);
-            own += self.sent.len();
+            sent_frames += self.sent.len();
             match pdo {
                 Some((end, frame)) => {
                     timing.delays_us.push((end - sync) as f64 / MICROSECOND as f64);
@@ -182,7 +182,7 @@ impl Bus {
             expected = Some(state);
         }
         let elapsed_us = (self.driver.machine_mut().now() - begun) as f64 / MICROSECOND as f64;
-        let frames = self.others as f64 + own as f64 + CYCLES as f64;
+        let frames = self.others as f64 + sent_frames as f64 + CYCLES as f64;
         timing.load = frames * 122.0 / elapsed_us;
         timing.delays_us.sort_by(f64::total_cmp);
         timing

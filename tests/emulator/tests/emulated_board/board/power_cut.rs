@@ -8,8 +8,8 @@ use super::course::set;
 use crate::common::image;
 use canopen_rs::Address;
 use compensator_core::can::NodeId;
-use emulated_board::BoardDriver;
 use emulated_board::chip::flash::StoreContent;
+use emulated_board::{BoardDriver, EmulatorError};
 use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
 use joint_bus::canopen::Client;
@@ -42,11 +42,11 @@ fn save(old: &ParameterSet, new: &ParameterSet) -> Vec<StoreContent> {
 }
 
 /// Starts the image on this content and returns the CRC of the set that it uses.
-fn crc_after(content: &StoreContent, old: &ParameterSet) -> Result<u32, String> {
+fn crc_after(content: &StoreContent, old: &ParameterSet) -> Result<u32, EmulatorError> {
     let (start, stage) = start(old);
     let driver = BoardDriver::start_with_store(image(), &start, content, stage)?;
     let mut rig = JointRig::new(Box::new(driver), RigFaults::default());
-    rig.read_object(index::COMMIT, ACTIVE_CRC).ok_or_else(|| "no answer".to_owned())
+    Ok(rig.read_object(index::COMMIT, ACTIVE_CRC).expect("an answer"))
 }
 
 #[test]

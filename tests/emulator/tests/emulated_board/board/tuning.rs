@@ -51,7 +51,7 @@ const HEAD: &str = "seed\tfamily\thidden\tsaved\treversal before, mrad\treversal
 fn start(joint: &DrawnJoint, set: &ParameterSet) -> Result<Stand, String> {
     let start = MotorNode::power_up(joint, set);
     let stage = stage_at_power_up(&start, joint.plant(), &RigFaults::default());
-    let driver = BoardDriver::start(image(), &start, stage)?;
+    let driver = BoardDriver::start(image(), &start, stage).map_err(|error| error.to_string())?;
     Ok(Stand::with_node(MotorNode::drawn_on(Box::new(driver), joint), REPORT_AGE_MS))
 }
 
@@ -65,8 +65,8 @@ fn in_use(stand: &Stand) -> (u32, u32) {
 /// Sets half of the compensation and another position gain on trial. Returns what was in use before, and is on trial.
 fn begin_trial(stand: &Stand, set: &ParameterSet) -> [(u32, u32); 2] {
     let before = in_use(stand);
-    let own = options(1, LIMITS);
-    let mut master = Master::new(stand.client(), own.node, own.limits, Box::new(|| false));
+    let joint = options(1, LIMITS);
+    let mut master = Master::new(stand.client(), joint.node, joint.limits, Box::new(|| false));
     trial_set::open(&mut master).expect("an open trial");
     let mut tried = TunedSet { set: set.clone(), position_gain: before.1 / 2 };
     tried.set.friction.compensator.scale = 0.5;
@@ -128,20 +128,20 @@ fn cases() -> Vec<Case> {
 
 fn emit(grades: &[Grade]) -> String {
     let mut text = HEAD.to_owned();
-    for own in grades {
-        let [before, after] = own.true_errors_rad.map(|errors| errors.map(|rad| 1e3 * rad));
+    for grade in grades {
+        let [before, after] = grade.true_errors_rad.map(|errors| errors.map(|rad| 1e3 * rad));
         let _ = writeln!(
             text,
             "{}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.3}\t{:.3}\t{}",
-            own.case.seed,
-            own.family,
-            own.case.hidden.unwrap_or("none"),
-            own.is_saved,
+            grade.case.seed,
+            grade.family,
+            grade.case.hidden.unwrap_or("none"),
+            grade.is_saved,
             before[0],
             after[0],
             before[1],
             after[1],
-            own.is_worse(),
+            grade.is_worse(),
         );
     }
     text
@@ -162,18 +162,18 @@ fn sessions_on_image_move_the_outputs_of_their_joints_better() {
         })
         .collect();
     let worse: Vec<u64> =
-        grades.iter().filter(|own| own.is_worse()).map(|own| own.case.seed).collect();
+        grades.iter().filter(|grade| grade.is_worse()).map(|grade| grade.case.seed).collect();
     assert!(worse.is_empty(), "worse than before: {worse:?}");
-    let saved: Vec<&Grade> = grades.iter().filter(|own| own.is_saved).collect();
+    let saved: Vec<&Grade> = grades.iter().filter(|grade| grade.is_saved).collect();
     assert!(saved.len() >= LEAST_SAVED, "{} saved", saved.len());
-    for own in saved {
-        let is_enough = own.true_gains.iter().all(|[gain, ..]| *gain >= LEAST_GAIN_OF_A_JOINT);
-        assert!(is_enough, "{}: {:?}", own.case.seed, own.true_gains);
+    for grade in saved {
+        let is_enough = grade.true_gains.iter().all(|[gain, ..]| *gain >= LEAST_GAIN_OF_A_JOINT);
+        assert!(is_enough, "{}: {:?}", grade.case.seed, grade.true_gains);
     }
-    let families: BTreeSet<&str> = grades.iter().map(|own| own.family).collect();
+    let families: BTreeSet<&str> = grades.iter().map(|grade| grade.family).collect();
     assert_eq!(families.len(), 3, "{families:?}");
     for (place, least) in LEAST_GAINS.into_iter().enumerate() {
-        let gain = median(grades.iter().map(|own| own.true_gains[place][0]));
+        let gain = median(grades.iter().map(|grade| grade.true_gains[place][0]));
         println!("measured: median gain {gain:.3} on the image, of {} joints", grades.len());
         assert!((least..1.0).contains(&gain), "quantity {place}: {gain}");
     }

@@ -339,16 +339,16 @@ const SETS: [usize; 2] = [0x7_E000, 0x7_F000];
 
 #[test]
 fn board_with_damaged_sets_keeps_its_key() {
-    let own_key = Key::new(*b"sixteen bytes !!");
+    let secret_key = Key::new(*b"sixteen bytes !!");
     let following_time = Address::new(index::FOLLOWING_TIME, 0);
     let mut client = started(confirmed(&[(0, "1.0.0")]));
-    client.set_key(own_key).expect("the default key");
+    client.set_key(secret_key).expect("the default key");
     client.write(Address::new(index::STORE, 1), b"save").expect("a save");
     let mut content = client.bus().flash().content.clone();
     SETS.iter().for_each(|set| content.bytes[set + 100] ^= 1);
     let refused = started(content.clone()).write(following_time, &[5, 0]);
     assert!(matches!(refused, Err(SdoError::WrongKey { .. })), "{refused:?}");
-    let mut client = started(content).with_key(own_key);
+    let mut client = started(content).with_key(secret_key);
     client.write(following_time, &[5, 0]).expect("its key");
     let codes = client.read_number(Address::new(index::STATE, 4)).expect("an answer");
     assert_ne!(codes & 1 << (ParametersDefault.number() - 33), 0, "no set was loaded");

@@ -1,7 +1,7 @@
 //! The driver of the scenarios: the image.
 
 use crate::common::{compact_image, image};
-use emulated_board::BoardDriver;
+use emulated_board::{BoardDriver, EmulatorError};
 use joint_rig::{JointRig, PowerUp, RigFaults, stage_at_power_up};
 use simulated_machines::joint_plant::JointPlant;
 
@@ -21,7 +21,7 @@ pub fn compact_power_up<R>(
     plant: JointPlant,
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
-) -> Result<R, String> {
+) -> Result<R, EmulatorError> {
     let stage = stage_at_power_up(start, plant, &faults);
     let driver = BoardDriver::start_compact(compact_image(), start, stage)?;
     Ok(work(&mut JointRig::new(Box::new(driver), faults)))
@@ -33,7 +33,7 @@ pub fn power_up<R>(
     plant: JointPlant,
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
-) -> Result<R, String> {
+) -> Result<R, EmulatorError> {
     let stage = stage_at_power_up(start, plant, &faults);
     let driver = BoardDriver::start(image(), start, stage)?;
     Ok(work(&mut JointRig::new(Box::new(driver), faults)))
