@@ -107,7 +107,7 @@ fn of_linear(extended: &mut Map<String, Value>, found: &Diagnosis) {
         "test_relative_error_percent".into(),
         json!(finite(held_out.metrics.relative_error_percent)),
     );
-    let term = |own: &LinearTerm| json!({ "part": own.part, "size": finite(own.size) });
+    let term = |term: &LinearTerm| json!({ "part": term.part, "size": finite(term.size) });
     let terms: Vec<Value> = model.model.terms.iter().map(term).collect();
     extended.insert("terms".into(), json!(terms));
 }
@@ -134,17 +134,17 @@ fn share(share: &Share) -> Value {
 
 /// The figures of a candidate in the contest, by name.
 fn evidence(candidate: &WeighedCause) -> Value {
-    let own = &candidate.figures;
+    let figures = &candidate.figures;
     json!({
-        "inclusion": finite(own.inclusion),
-        "is_in_best": own.is_in_best,
-        "last": finite(own.last),
-        "irreplaceable": finite(own.irreplaceable),
-        "last_in_errors": finite(own.last_in_errors),
-        "size_in_errors": finite(own.size_in_errors),
-        "torque_share": finite(own.torque_share),
-        "beside_slip": finite(own.beside_slip),
-        "laws": finite(own.laws),
+        "inclusion": finite(figures.inclusion),
+        "is_in_best": figures.is_in_best,
+        "last": finite(figures.last),
+        "irreplaceable": finite(figures.irreplaceable),
+        "last_in_errors": finite(figures.last_in_errors),
+        "size_in_errors": finite(figures.size_in_errors),
+        "torque_share": finite(figures.torque_share),
+        "beside_slip": finite(figures.beside_slip),
+        "laws": finite(figures.laws),
         "shortfall": candidate.shortfall.map(finite),
     })
 }
@@ -163,15 +163,15 @@ fn decision(candidate: &WeighedCause) -> Option<Value> {
 
 /// A candidate. `rejected_because` is present only if the candidate is not among the findings.
 fn candidate(ranked: &RankedCandidate) -> Value {
-    let own = ranked.candidate;
+    let weighed = ranked.candidate;
     let mut value = json!({
-        "cause": own.cause.name(),
-        "columns": own.columns(),
-        "detail": own.figures.detail.to_string(),
-        "gain": finite(own.figures.alone),
-        "gain_std_error": finite(own.gain_error()),
+        "cause": weighed.cause.name(),
+        "columns": weighed.columns(),
+        "detail": weighed.figures.detail.to_string(),
+        "gain": finite(weighed.figures.alone),
+        "gain_std_error": finite(weighed.gain_error()),
         "probability": finite(ranked.probability),
-        "evidence": evidence(own),
+        "evidence": evidence(weighed),
     });
     if !ranked.rejected_because.is_empty() {
         value["rejected_because"] = json!(ranked.rejected_because);
@@ -180,9 +180,10 @@ fn candidate(ranked: &RankedCandidate) -> Value {
 }
 
 fn log_finding(finding: &LogFinding, found: &Diagnosis) -> Value {
-    let gain = found.corrected.filter(|own| own.kind == finding.kind && finding.corrected);
+    let gain =
+        found.corrected.filter(|correction| correction.kind == finding.kind && finding.corrected);
     json!({
-        "gain": gain.map(|own| finite(own.gain)),
+        "gain": gain.map(|correction| finite(correction.gain)),
         "kind": finding.kind.name(),
         "columns": finding.columns,
         "size": { "value": finite(finding.value), "unit": finding.unit },
@@ -363,7 +364,7 @@ pub fn document(
     let mut document = json!({
         "schema": 1,
         "data": about,
-        "log": found.log_findings.iter().map(|own| log_finding(own, found)).collect::<Vec<_>>(),
+        "log": found.log_findings.iter().map(|finding| log_finding(finding, found)).collect::<Vec<_>>(),
         "leading_fault": found.leading_fault().map(|fault| fault.kind.name()),
         "baseline": model(&found.baseline, data),
         "cause": found.cause(),

@@ -17,14 +17,9 @@ pub enum ResultError {
     /// The core rejects the model, or it cannot be applied to the log.
     #[error("{0}")]
     Model(Box<dyn Error + Send + Sync>),
-    /// A file cannot be written.
-    #[error("{}: {error}", file.display())]
-    File {
-        /// The file.
-        file: PathBuf,
-        /// The error of the operating system.
-        error: io::Error,
-    },
+    /// A file cannot be read or written.
+    #[error("{}: {}", .0.display(), .1)]
+    File(PathBuf, io::Error),
 }
 
 impl ResultError {
@@ -36,7 +31,7 @@ impl ResultError {
     /// Returns how the error of a file is reported.
     #[cfg(feature = "fleet")]
     pub(crate) fn of_file(file: &Path) -> impl Fn(io::Error) -> Self + '_ {
-        |error| Self::File { file: file.to_owned(), error }
+        |error| Self::File(file.to_owned(), error)
     }
 }
 

@@ -129,7 +129,7 @@ impl FeedForward {
         let torque_unit =
             data.sources.iter().find(|of| ["torque_nm", "force_n"].contains(&&*of.name));
         let torque_unit = torque_unit.and_then(|of| of.unit.clone()).unwrap_or_default();
-        let mut own = Self {
+        let mut made = Self {
             drive,
             judged,
             model: fit.spec.full_name(),
@@ -141,8 +141,8 @@ impl FeedForward {
             is_reversed: torque_unit.starts_with('-'),
             remarks: Vec::new(),
         };
-        own.remarks = own.remarks_on(&torque_unit);
-        Ok(own)
+        made.remarks = made.remarks_on(&torque_unit);
+        Ok(made)
     }
 
     /// Returns the points of the table in the drive's units.

@@ -168,16 +168,20 @@ fn push_distances(rows: &[FleetRow], table: &mut TableFile) {
     let mut distances = vec![None; rows.len()];
     let of_causes = comparisons(rows).each.into_iter().filter(|of| of.what == Compared::Cause);
     of_causes.for_each(|of| distances[of.row] = of.distance);
-    let mut distance = |name: &str, of: &dyn Fn(&Distance) -> Option<[f64; 3]>| {
+    let mut push = |name: &str, of: &dyn Fn(&Distance) -> Option<[f64; 3]>| {
         for (part, end) in ["", "_low", "_high"].into_iter().enumerate() {
-            let value = |own: &Option<Distance>| own.as_ref().and_then(of).map(|of| of[part]);
-            let values = distances.iter().map(|own| value(own).unwrap_or(f64::NAN)).collect();
+            let value =
+                |distance: &Option<Distance>| distance.as_ref().and_then(of).map(|of| of[part]);
+            let values =
+                distances.iter().map(|distance| value(distance).unwrap_or(f64::NAN)).collect();
             table.push(format!("{name}{end}"), TableColumn::Numbers(values));
         }
     };
-    distance("difference", &|own| Some(own.difference));
-    distance("factor", &|own| own.factor);
-    let differs = |own: &Option<Distance>| own.map_or(f64::NAN, |own| f64::from(own.differs));
+    push("difference", &|distance| Some(distance.difference));
+    push("factor", &|distance| distance.factor);
+    let differs = |distance: &Option<Distance>| {
+        distance.map_or(f64::NAN, |distance| f64::from(distance.differs))
+    };
     table.push("differs", TableColumn::Numbers(distances.iter().map(differs).collect()));
 }
 

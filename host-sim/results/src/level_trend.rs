@@ -104,7 +104,7 @@ impl LevelTrend {
         let parsed: Self = serde_json::from_str(text).map_err(TrendFault::Json)?;
         match parsed.schema {
             SCHEMA => Ok(parsed),
-            found => Err(TrendFault::Schema { found }),
+            found => Err(TrendFault::Schema(found)),
         }
     }
 
@@ -136,10 +136,7 @@ impl LevelTrend {
         let level = format!("level_{}", unit.to_lowercase());
         let column = |name: &str| {
             let name = if name == "level" { &level } else { name };
-            place(name).ok_or_else(|| TrendFault::Columns {
-                found: header.to_owned(),
-                expected: name.to_owned(),
-            })
+            place(name).ok_or_else(|| TrendFault::Columns(header.to_owned(), name.to_owned()))
         };
         let places = COLUMNS.map(column);
         let places = places.into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -149,11 +146,7 @@ impl LevelTrend {
             let cell = |column: usize| cells.get(places[column]).copied().unwrap_or_default();
             let number = |column: usize| {
                 let (name, text) = (COLUMNS[column], cell(column));
-                text.parse::<f64>().map_err(|_| TrendFault::Number {
-                    line: at + 1,
-                    column: name,
-                    found: text.to_owned(),
-                })
+                text.parse::<f64>().map_err(|_| TrendFault::Number(at + 1, name, text.to_owned()))
             };
             let term = Some(cell(5).to_owned()).filter(|name| !name.is_empty());
             entries.push(LevelEntry {
@@ -175,8 +168,7 @@ impl LevelTrend {
             let is_legal =
                 entry.learnt_h.is_finite() && entry.level.is_finite() && entry.level > 0.0;
             if !is_legal {
-                let (learnt_h, level) = (entry.learnt_h, entry.level);
-                return Err(TrendFault::Entry { number, learnt_h, level });
+                return Err(TrendFault::Entry(number, entry.clone()));
             }
         }
         let in_order = self.entries.windows(2).all(|pair| pair[0].learnt_h < pair[1].learnt_h);
@@ -215,44 +207,23 @@ pub enum TrendFault {
     /// It is another document.
     #[error("expected a file of `params trend --write`: {0}")]
     Json(serde_json::Error),
-    /// It has another version.
-    #[error("found schema {found}, expected {SCHEMA}")]
-    Schema {
-        /// The version.
-        found: u32,
-    },
-    /// A column is missing.
+    /// It has this version.
+    #[error("found schema {0}, expected {SCHEMA}")]
+    Schema(u32),
+    /// The header lacks a column.
+    #[error("found the columns {0:?}, expected {1} and the others of `params trend --write`")]
+    Columns(String, String),
+    /// In a line and column, a text is no number.
+    #[error("line {0}: {1}: found {2:?}, expected a number")]
+    Number(usize, &'static str, String),
+    /// An entry has an impossible time or level.
     #[error(
-        "found the columns {found:?}, expected {expected} and the others of `params trend --write`"
+        "entry {}: found learnt_h {} and level {}, expected a time and a level above 0",
+        .0,
+        .1.learnt_h,
+        .1.level
     )]
-    Columns {
-        /// The header.
-        found: String,
-        /// The missing column.
-        expected: String,
-    },
-    /// A cell holds no number.
-    #[error("line {line}: {column}: found {found:?}, expected a number")]
-    Number {
-        /// Number of the line.
-        line: usize,
-        /// Name of the column.
-        column: &'static str,
-        /// The cell.
-        found: String,
-    },
-    /// An entry has an impossible value.
-    #[error(
-        "entry {number}: found learnt_h {learnt_h} and level {level}, expected a time and a level above 0"
-    )]
-    Entry {
-        /// Number of the entry.
-        number: usize,
-        /// Its time, h.
-        learnt_h: f64,
-        /// Its level.
-        level: f64,
-    },
+    Entry(usize, LevelEntry),
     /// The times do not rise.
     #[error("found times of learning that do not rise, expected the trend of one joint")]
     Order,

@@ -50,9 +50,9 @@ fn interrupt_instructions(terms: &[TermKind]) -> Option<f64> {
     let mut is_listed = false;
     for term in terms {
         match instructions(improved, Some(*term)) {
-            Some(own) => {
+            Some(of_term) => {
                 is_listed = true;
-                sum += (own - cheapest).max(0.0) + LIST_ENTRY_INSTRUCTIONS;
+                sum += (of_term - cheapest).max(0.0) + LIST_ENTRY_INSTRUCTIONS;
             }
             // It is part of improved LuGre itself, and needs no list entry.
             None => {

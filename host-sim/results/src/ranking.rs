@@ -51,8 +51,9 @@ fn finding_of<'a>(found: &'a Diagnosis, candidate: &WeighedCause) -> Option<&'a 
     let mut findings = found.findings.iter().filter(|_| candidate.is_named());
     // A candidate has the columns beside the motion, a finding all.
     let columns = candidate.columns();
-    let is_own = |columns: &[String], of: &[String]| columns.is_empty() || of == columns;
-    findings.find(|own| own.cause == candidate.cause && is_own(&columns, &own.columns))
+    let has_columns = |columns: &[String], of: &[String]| columns.is_empty() || of == columns;
+    findings
+        .find(|finding| finding.cause == candidate.cause && has_columns(&columns, &finding.columns))
 }
 
 /// Formats the gain of a candidate alone with two standard errors, in percent.

@@ -19,6 +19,7 @@ mod words;
 pub use files::{TuneRun, table};
 
 use serde::Serialize;
+use serde_json::{Value, json};
 
 /// What the session did with the joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -257,51 +258,6 @@ pub struct TuneReport {
     pub seconds: f64,
 }
 
-/// `tune.json`, version 1.
-#[derive(Debug, Serialize)]
-pub struct TuneDocument<'a> {
-    schema: u8,
-    joint: &'a str,
-    simulated: bool,
-    saved: bool,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    why_not: Option<&'a str>,
-    cause: &'a str,
-    probability: f64,
-    handed_over: &'static str,
-    gains: &'a [TuneGain],
-    parts: &'a TuneParts,
-    rounds: &'a [TuneRound],
-    not_learnt: &'a [String],
-    trial: TrialDocument,
-    control: Option<&'a TuneLoop>,
-    parameters: &'a [TuneParameter],
-    torque_bound_nm: f64,
-    state_bound_nm: f64,
-    warnings: &'a [String],
-    seconds: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct TrialDocument {
-    blocks: usize,
-    order: String,
-    values: Vec<BlockDocument>,
-}
-
-#[derive(Debug, Serialize)]
-struct BlockDocument {
-    set: TuneArm,
-    is_new: bool,
-    values: [f64; 4],
-}
-
-impl BlockDocument {
-    fn of(block: &TuneBlock) -> Self {
-        Self { set: block.arm, is_new: block.arm == TuneArm::New, values: block.values }
-    }
-}
-
 impl TuneReport {
     /// Returns the name of what was handed over.
     const fn handed_over(&self) -> &'static str {
@@ -313,37 +269,39 @@ impl TuneReport {
         }
     }
 
-    /// Returns the session as the document `tune.json`.
-    pub fn document(&self) -> TuneDocument<'_> {
-        let why_not = match &self.outcome {
-            TuneOutcome::Saved => None,
-            TuneOutcome::Returned(why) => Some(why.as_str()),
+    /// Returns the session as the document `tune.json`, version 1. A value that is not finite is null.
+    pub fn document(&self) -> Value {
+        let block = |block: &TuneBlock| {
+            let is_new = block.arm == TuneArm::New;
+            json!({ "set": block.arm, "is_new": is_new, "values": block.values })
         };
-        let [torque_bound_nm, state_bound_nm] = self.bounds_nm;
-        TuneDocument {
-            schema: 1,
-            joint: &self.joint,
-            simulated: self.is_simulated,
-            saved: self.outcome == TuneOutcome::Saved,
-            why_not,
-            cause: &self.cause,
-            probability: self.probability,
-            handed_over: self.handed_over(),
-            gains: &self.gains,
-            parts: &self.parts,
-            rounds: &self.rounds,
-            not_learnt: &self.not_learnt,
-            trial: TrialDocument {
-                blocks: self.trial.blocks.len(),
-                order: self.trial.order(),
-                values: self.trial.blocks.iter().map(BlockDocument::of).collect(),
+        let mut document = json!({
+            "schema": 1,
+            "joint": self.joint,
+            "simulated": self.is_simulated,
+            "saved": self.outcome == TuneOutcome::Saved,
+            "cause": self.cause,
+            "probability": self.probability,
+            "handed_over": self.handed_over(),
+            "gains": self.gains,
+            "parts": self.parts,
+            "rounds": self.rounds,
+            "not_learnt": self.not_learnt,
+            "trial": {
+                "blocks": self.trial.blocks.len(),
+                "order": self.trial.order(),
+                "values": self.trial.blocks.iter().map(block).collect::<Vec<_>>(),
             },
-            control: self.control.as_ref(),
-            parameters: &self.parameters,
-            torque_bound_nm,
-            state_bound_nm,
-            warnings: &self.warnings,
-            seconds: self.seconds,
+            "control": self.control,
+            "parameters": self.parameters,
+            "torque_bound_nm": self.bounds_nm[0],
+            "state_bound_nm": self.bounds_nm[1],
+            "warnings": self.warnings,
+            "seconds": self.seconds,
+        });
+        if let TuneOutcome::Returned(why) = &self.outcome {
+            document["why_not"] = json!(why);
         }
+        document
     }
 }

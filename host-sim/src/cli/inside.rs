@@ -8,6 +8,7 @@ use friction_fit::params::emit_model;
 use joint_log::SplitRule;
 use joint_log::number::significant;
 use joint_log::work;
+use published_experiments::PaperError;
 use published_experiments::coupled::{ArmLog, InsideFit, model};
 use serde_json::{Value, json};
 
@@ -23,7 +24,7 @@ pub fn run(
     starts: usize,
     document: &str,
 ) -> Result<(), String> {
-    let models = models.iter().map(|name| model(name)).collect::<Result<Vec<_>, String>>()?;
+    let models = models.iter().map(|name| model(name)).collect::<Result<Vec<_>, PaperError>>()?;
     let joints = match data.read(&SplitRule::default())? {
         LogInputs::Several(joints) => joints,
         LogInputs::One(_) => {

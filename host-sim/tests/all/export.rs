@@ -253,8 +253,9 @@ fn export_to_c_of_unsupported_term_returns_error_with_its_name() {
     let is_unsupported = |kind: &&TermKind| kind.is_compensated() && !C_TERMS.contains(kind);
     for kind in TermKind::ALL.iter().filter(is_unsupported) {
         let model = joint(LawKind::Lugre, &[*kind]);
-        let error =
-            export(&file(&model), ExportFormat::C, "params.toml").expect_err("it has a memory");
+        let error = export(&file(&model), ExportFormat::C, "params.toml")
+            .expect_err("it has a memory")
+            .to_string();
         assert!(error.contains(kind.name()) && plain(&error).contains("format rust"), "{error}");
         assert!(export(&file(&model), ExportFormat::Rust, "params.toml").is_ok());
     }
@@ -488,7 +489,8 @@ fn export_with_a_current_asks_for_the_settings_that_the_file_lacks() {
     let lacking =
         driver_file::parse(&format!("{model}[compensator]\nscale = 0.7\n")).expect("legal");
     for format in [ExportFormat::Record, ExportFormat::Rust] {
-        let error = export(&lacking, format, "params.toml").expect_err("settings are missing");
+        let error =
+            export(&lacking, format, "params.toml").expect_err("settings are missing").to_string();
         assert!(plain(&error).contains("torque_constant_nm_per_a=VALUE"), "{error}");
         assert!(!error.contains("scale"), "{error}");
     }

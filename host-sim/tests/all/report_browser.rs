@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use crate::browser::{chromium, open};
 use friction_results::fleet::{self, FleetRow, Level};
 use friction_results::report::{
-    Axis, Best, Block, Cell, Chart, Page, Series, Table, thin_scatter, thin_series,
+    Axis, Block, Cell, Chart, Page, Series, Table, thin_scatter, thin_series,
 };
 
 const HOSTILE: &str = "run <script>alert(1)</script> & \"7\"";
@@ -109,7 +109,7 @@ fn metrics(rmse: &[f64]) -> Table {
         caption: "Models on runs that no fit has seen".into(),
         header: header.map(String::from).to_vec(),
         rows: MODELS.iter().enumerate().map(row).collect(),
-        best: vec![(1, Best::Smallest), (2, Best::Smallest), (3, Best::Smallest)],
+        best: vec![1, 2, 3],
     }
 }
 
@@ -184,7 +184,7 @@ fn example() -> Page {
                 y: Axis { log: true, ..Axis::new("RMSE (Nm)") },
                 series: vec![
                     Series::points("lugre", vec![1e-3, 1e-2, 0.1], vec![2e-3, 1e-2, 0.1]),
-                    Series::steps("linear", vec![1e-3, 1e-2, 0.1], vec![0.2, 0.21, 0.25]),
+                    Series::line("linear", vec![1e-3, 1e-2, 0.1], vec![0.2, 0.21, 0.25]),
                     Series::line(HOSTILE, vec![0.0, 1e-2, 0.1], vec![0.3, 0.3, 0.4]),
                 ],
             }),

@@ -5,7 +5,7 @@ use std::fs;
 
 use crate::drawn_chart::{DrawnChart, between, charts, sentences, without_scripts};
 use crate::snapshot;
-use friction_results::report::{Axis, Best, Block, Cell, Chart, Page, Series, Style, Table};
+use friction_results::report::{Axis, Block, Cell, Chart, Page, Series, Style, Table};
 use friction_results::write_atomically;
 
 /// What a run, a column or a file may be called.
@@ -161,9 +161,7 @@ fn page_escapes_hostile_text() {
 fn value_that_is_not_finite_is_a_gap() {
     let y = vec![1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 2.0, 3.0];
     let x: Vec<f64> = (0..6).map(f64::from).collect();
-    for (style, parts) in
-        [(Style::Points, 3), (Style::Line, 2), (Style::Steps, 2), (Style::Bars, 3)]
-    {
+    for (style, parts) in [(Style::Points, 3), (Style::Line, 2), (Style::Bars, 3)] {
         let mut series = Series::line("odd", x.clone(), y.clone());
         series.style = style;
         let drawn = charts(&page_of(Block::Chart(chart_of(vec![series]))));
@@ -230,7 +228,7 @@ fn table_marks_best_finite_value() {
         caption: String::new(),
         header: vec!["model".into(), "RMSE (Nm)".into()],
         rows: vec![row("a", 0.5), row("b", 0.0312), row("c", f64::NAN), vec!["d".into()]],
-        best: vec![(1, Best::Smallest), (7, Best::Largest)],
+        best: vec![1, 7],
     };
     let html = page_of(Block::Table(table));
     assert_eq!(html.matches("(best)").count(), 1);

@@ -18,7 +18,7 @@ mod printed;
 mod score;
 mod simulated;
 
-use super::{Paper, PaperOutcome, PaperRequest, ResultRow, pivot_table};
+use super::{Paper, PaperError, PaperOutcome, PaperRequest, ResultRow, pivot_table};
 use campaign::TestCampaign;
 use friction_results::report::Table;
 use model::{COULOMB_VISCOUS, LUGRE, NAMED, NAMED_WITH_TENSION, held_out};
@@ -82,7 +82,7 @@ impl Paper for Damper {
          size of its numbers."
     }
 
-    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, String> {
+    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, PaperError> {
         let form = if request.quick { SHORT_FORM } else { LONG_FORM };
         let mut outcome = PaperOutcome::default();
         match TestCampaign::read(&request.data, FIRST_CAMPAIGN_FILE)? {

@@ -123,7 +123,7 @@ pub fn pivot_table<'a>(
     for row in rows {
         let Some((line, column)) = place(row) else { continue };
         let at = |names: &mut Vec<String>, name: String| {
-            names.iter().position(|own| *own == name).unwrap_or_else(|| {
+            names.iter().position(|known| *known == name).unwrap_or_else(|| {
                 names.push(name);
                 names.len() - 1
             })

@@ -17,6 +17,7 @@ mod snapshot;
 
 mod damper;
 mod digest;
+mod error;
 mod goal;
 mod manipulator;
 mod report;
@@ -25,6 +26,7 @@ mod underwater_joint;
 
 pub(crate) use digest::pivot_table;
 pub use digest::{Stopwatch, summary_markdown};
+pub use error::PaperError;
 pub use goal::{BoundSide, Goal};
 pub use manipulator::coupled;
 pub use report::{format_rows, page};
@@ -87,7 +89,7 @@ pub trait Paper: Sync {
     ///
     /// # Errors
     /// Returns one line that states what could not be done.
-    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, String>;
+    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, PaperError>;
 }
 
 /// Returns the path of a measured log: the CSV file of this name, or an excerpt of it in Parquet. `None` if neither exists.

@@ -21,7 +21,7 @@ mod study;
 mod tables;
 mod torques;
 
-use super::{Paper, PaperOutcome, PaperRequest};
+use super::{Paper, PaperError, PaperOutcome, PaperRequest};
 use friction_results::report::Section;
 use paper_machines::manipulator::{Recording, campaign as record};
 use rayon::prelude::*;
@@ -58,7 +58,7 @@ impl Paper for Manipulator {
          evaluated on courses that were not used in the fit."
     }
 
-    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, String> {
+    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, PaperError> {
         let extent = if request.quick { Extent::QUICK } else { Extent::FULL };
         (request.progress)("recording the arm");
         let how = Recording { repeats: extent.repeats, ..Recording::default() };

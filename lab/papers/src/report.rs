@@ -16,11 +16,10 @@ pub fn page(paper: &dyn Paper, request: &PaperRequest, outcome: &PaperOutcome) -
     let simulated = outcome.rows.iter().filter(|row| row.simulated).count();
     let answers = Answers {
         what: "The experiments of a published paper, repeated with the shipped code.".into(),
-        certainty: format!(
-            "Of {} values, {simulated} are simulated and {} are measured.",
-            outcome.rows.len(),
-            outcome.rows.len() - simulated
-        ),
+        certainty: match outcome.rows.len() {
+            all if all == simulated => format!("All {all} values are simulated."),
+            all => format!("Of {all} values, {simulated} are simulated and the others measured."),
+        },
         benefit: match goals.is_empty() {
             true => Benefit::Purpose("It shows which results of the paper can be repeated.".into()),
             false => Benefit::Gain(format!("{reached} of {} goals are reached.", goals.len())),

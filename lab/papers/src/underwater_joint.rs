@@ -24,7 +24,7 @@ mod parameter_transfer;
 mod rows;
 mod tasks;
 
-use super::{Paper, PaperOutcome, PaperRequest};
+use super::{Paper, PaperError, PaperOutcome, PaperRequest};
 use arms::DriverArm;
 use campaign::BenchRuns;
 use friction_diagnose::Diagnosis;
@@ -120,7 +120,7 @@ impl Paper for UnderwaterJoint {
          all runs; with the improved LuGre; with the model that `diagnose` finds; and with a perfect model, the plant's own friction."
     }
 
-    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, String> {
+    fn run(&self, request: &PaperRequest) -> Result<PaperOutcome, PaperError> {
         let study = run_study(request)?;
         let rows = rows::rows(&study);
         let drops = goals::goals(&study);
@@ -133,7 +133,7 @@ impl Paper for UnderwaterJoint {
     }
 }
 
-fn run_study(request: &PaperRequest) -> Result<JointStudy, String> {
+fn run_study(request: &PaperRequest) -> Result<JointStudy, PaperError> {
     let Extent { amount, seeds, wear_days, sound_days, harm_s } =
         if request.quick { QUICK } else { FULL };
     let parameters = Parameters::default();
@@ -181,13 +181,13 @@ fn run_study(request: &PaperRequest) -> Result<JointStudy, String> {
             (request.progress)(task.title());
             Ok((task, experiments::run_experiment(task, &arms, &joint, seeds)?))
         })
-        .collect::<Result<_, String>>()?;
+        .collect::<Result<_, PaperError>>()?;
     let by_name = |name: &str| arms.iter().find(|arm| arm.name == name);
     let [ours, none, published, perfect] =
         [arms::DIAGNOSED, arms::NONE, arms::PUBLISHED, arms::PERFECT].map(by_name);
     let (Some(ours), Some(none), Some(published), Some(perfect)) = (ours, none, published, perfect)
     else {
-        return Err("an arm is missing".into());
+        return Err(PaperError::NoArm);
     };
     (request.progress)("diagnosed parameters into a running joint");
     let transfers = parameter_transfer::transfer_in_all_tasks(published, ours, &joint, seeds)?;
@@ -217,16 +217,16 @@ fn run_study(request: &PaperRequest) -> Result<JointStudy, String> {
 impl JointStudy {
     /// Returns the results of a task.
     fn task(&self, task: Task) -> &[experiments::TaskResult] {
-        self.tasks.iter().find(|(own, _)| *own == task).map_or(&[], |(_, results)| results)
+        self.tasks.iter().find(|(known, _)| *known == task).map_or(&[], |(_, results)| results)
     }
 
     /// Returns a measure of a task for an arm.
     fn measured(&self, task: Task, arm: &str, measure: usize) -> Option<Spread> {
-        self.task(task).iter().find(|own| own.arm == arm).map(|own| own.spread(measure))
+        self.task(task).iter().find(|result| result.arm == arm).map(|result| result.spread(measure))
     }
 
     /// Returns an arm's estimation error at a speed, %.
     fn error(&self, arm: &str, speed: usize) -> Option<Spread> {
-        self.errors.iter().find(|(own, _)| *own == arm).map(|(_, errors)| errors[speed])
+        self.errors.iter().find(|(known, _)| *known == arm).map(|(_, errors)| errors[speed])
     }
 }

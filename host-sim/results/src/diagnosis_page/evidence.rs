@@ -28,13 +28,6 @@ const WITHOUT: &str = "after, without this cause";
 /// Length of an error bar, in standard errors.
 const ERROR_BAR_STD_ERRORS: f64 = 2.0;
 
-/// Selection of rows.
-#[derive(Clone, Copy, PartialEq)]
-enum RowSelection {
-    All,
-    HeldOut,
-}
-
 /// The axes of a chart of the residual, and their values.
 struct Plane {
     title: String,
@@ -55,59 +48,40 @@ struct Plane {
 }
 
 impl Plane {
-    /// The residual with its own sign.
-    fn plain(scene: &Scene, rows: &Rows, title: &str, label: &str, x: Vec<f64>) -> Self {
+    /// Creates a plane of a residual over `x`, which has a label with its unit.
+    fn new(scene: &Scene, rows: &Rows, view: ResidualView, label: &str, x: Vec<f64>) -> Self {
+        let unit = scene.unit();
+        let (scale, weight, y_label) = match view {
+            ResidualView::Plain => {
+                (vec![1.0; rows.len()], None, format!("logged − simulated ({unit})"))
+            }
+            // Positive where the joint resists more than the model.
+            ResidualView::Along => {
+                (rows.direction(), None, format!("residual along the motion ({unit})"))
+            }
+            ResidualView::PerVelocity => {
+                // Slow rows contain little information about viscous friction and much noise.
+                let slow = 0.1 * rows.fastest;
+                let inverse = |v: &f64| if v.abs() < slow { 0.0 } else { 1.0 / v };
+                (
+                    rows.velocity.iter().map(inverse).collect(),
+                    Some(rows.velocity.iter().map(|v| v * v).collect()),
+                    format!("missing viscous coefficient ({unit} s/{})", scene.position_unit()),
+                )
+            }
+        };
         Self {
-            title: title.to_owned(),
+            title: String::new(),
             x,
             label: label.to_owned(),
             range: None,
-            scale: vec![1.0; rows.len()],
-            weight: None,
-            y_label: format!("logged − simulated ({})", scene.unit()),
+            scale,
+            weight,
+            y_label,
             spacing: Spacing::Even,
             says: String::new(),
             without: None,
         }
-    }
-
-    /// The residual along the motion: positive where the joint resists more than the model.
-    fn along(scene: &Scene, rows: &Rows, title: &str, label: &str, x: Vec<f64>) -> Self {
-        Self {
-            scale: rows.direction(),
-            y_label: format!("residual along the motion ({})", scene.unit()),
-            ..Self::plain(scene, rows, title, label, x)
-        }
-    }
-
-    /// The residual divided by velocity; the weight of a row is its squared speed.
-    fn per_velocity(scene: &Scene, rows: &Rows, title: &str, label: &str, x: Vec<f64>) -> Self {
-        // Slow rows contain little information about viscous friction and much noise.
-        let slow = 0.1 * rows.fastest;
-        let inverse = |v: &f64| if v.abs() < slow { 0.0 } else { 1.0 / v };
-        Self {
-            scale: rows.velocity.iter().map(inverse).collect(),
-            weight: Some(rows.velocity.iter().map(|v| v * v).collect()),
-            y_label: format!(
-                "missing viscous coefficient ({} s/{})",
-                scene.unit(),
-                scene.position_unit()
-            ),
-            ..Self::plain(scene, rows, title, label, x)
-        }
-    }
-
-    /// Sets the range of the axis to one period.
-    fn folded(self) -> Self {
-        Self { range: Some((0.0, 360.0)), ..self }
-    }
-
-    fn spaced(self, spacing: Spacing) -> Self {
-        Self { spacing, ..self }
-    }
-
-    fn saying(self, says: &str) -> Self {
-        Self { says: says.to_owned(), ..self }
     }
 
     /// Returns the scaled residual; NaN for rows that are left out.
@@ -116,27 +90,16 @@ impl Plane {
         scaled.map(|((r, s), judged)| if *judged && *s != 0.0 { r * s } else { f64::NAN }).collect()
     }
 
-    /// Leaves out rows for which `kept` is false.
-    fn only(mut self, kept: impl Fn(usize) -> bool) -> Self {
-        for (row, x) in self.x.iter_mut().enumerate() {
-            if !kept(row) {
-                *x = f64::NAN;
-            }
-        }
-        self
-    }
-
     /// Leaves out the lowest and highest percent, where bins contain few rows.
-    fn without_ends(self) -> Self {
+    fn leave_out_ends(&mut self) {
         let mut sorted: Vec<f64> = self.x.iter().copied().filter(|x| x.is_finite()).collect();
         if sorted.is_empty() {
-            return self;
+            return;
         }
         sorted.sort_by(f64::total_cmp);
         let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize];
-        let (low, high) = (at(0.01), at(0.99));
-        let x = self.x.clone();
-        self.only(|row| (low..=high).contains(&x[row]))
+        let inside = at(0.01)..=at(0.99);
+        self.x.iter_mut().filter(|x| !inside.contains(*x)).for_each(|x| *x = f64::NAN);
     }
 }
 
@@ -171,35 +134,31 @@ fn without(scene: &Scene, finding: &Finding) -> Option<Vec<f64>> {
     if found.findings.len() < 2 || !parameters.terms.contains(&term) {
         return None;
     }
-    parameters.terms.retain(|own| *own != term);
+    parameters.terms.retain(|kept| *kept != term);
     let residuals = |rows| predict(&parameters, rows, found.extended.resolution).residuals.concat();
     Some([residuals(found.log.train_rows()), residuals(found.log.test_rows())].concat())
 }
 
 /// Returns the plane of a cause; `None` if its column is missing.
 fn plane(scene: &Scene, evidence: &friction_diagnose::Plane) -> Option<Plane> {
-    let rows = &scene.all;
     let (label, x) = axis(scene, &evidence.axis)?;
-    let title = &evidence.title;
-    let mut plane = match evidence.view {
-        ResidualView::Plain => Plane::plain(scene, rows, title, &label, x),
-        ResidualView::Along => Plane::along(scene, rows, title, &label, x),
-        ResidualView::PerVelocity => Plane::per_velocity(scene, rows, title, &label, x),
-    };
+    let mut plane = Plane::new(scene, &scene.all, evidence.view, &label, x);
+    plane.title.clone_from(&evidence.title);
+    plane.says.clone_from(&evidence.description);
     if matches!(evidence.axis, PlaneAxis::Turn | PlaneAxis::Folded(_)) {
-        plane = plane.folded();
+        plane.range = Some((0.0, 360.0));
     }
     if evidence.trimmed {
-        plane = plane.without_ends();
+        plane.leave_out_ends();
     }
-    let spacing = match evidence.spacing {
+    plane.spacing = match evidence.spacing {
         BinSpacing::Even => Spacing::Even,
         BinSpacing::NarrowAtZero => Spacing::NarrowAtZero,
         BinSpacing::Logarithmic => Spacing::Log,
         BinSpacing::Runs if scene.about.data.runs.len() > 1 => Spacing::Runs,
         BinSpacing::Runs => Spacing::Even,
     };
-    Some(plane.spaced(spacing).saying(&evidence.description))
+    Some(plane)
 }
 
 /// Returns label and values of the horizontal axis; `None` if a column is missing.
@@ -350,11 +309,7 @@ fn directions(
     let speeds: Vec<f64> = rows.velocity.iter().map(|v| v.abs()).collect();
     let direction = rows.direction();
     let named = format!("speed ({})", scene.velocity_unit());
-    let plane = match seen {
-        ResidualView::Along => Plane::along(scene, rows, "", &named, speeds),
-        ResidualView::Plain => Plane::plain(scene, rows, "", &named, speeds),
-        ResidualView::PerVelocity => Plane::per_velocity(scene, rows, "", &named, speeds),
-    };
+    let plane = Plane::new(scene, rows, seen, &named, speeds);
     let means = |residual: &[f64], sign: f64| {
         let mut x = plane.x.clone();
         x.iter_mut().zip(&direction).filter(|(_, d)| **d != sign).for_each(|(x, _)| *x = f64::NAN);
@@ -385,37 +340,27 @@ fn directions(
 
 /// Returns the charts of the residual over all available quantities: along the motion, and with its own sign.
 pub(super) fn survey(scene: &Scene) -> (Vec<Chart>, Vec<Chart>) {
-    let found = scene.about.found;
-    let log = &found.log;
-    let mut along = Vec::new();
-    let mut plain = Vec::new();
-    let mut look =
-        |which: RowSelection, title: &str, label: &str, spacing: Spacing, x: Vec<f64>| {
-            let rows = if which == RowSelection::All { &scene.all } else { &scene.held };
-            let with = Plane::along(scene, rows, title, label, x.clone()).spaced(spacing);
-            let without = Plane::plain(scene, rows, title, label, x).spaced(spacing);
-            along.extend(chart(scene, rows, &with, false));
-            plain.extend(chart(scene, rows, &without, false));
-        };
-    let held = &scene.held;
+    let (log, held) = (&scene.about.found.log, &scene.held);
+    let (mut along, mut plain) = (Vec::new(), Vec::new());
+    let mut add = |rows: &Rows, title: &str, label: &str, spacing: Spacing, x: Vec<f64>| {
+        for (view, charts) in [(ResidualView::Along, &mut along), (ResidualView::Plain, &mut plain)]
+        {
+            let plane = Plane::new(scene, rows, view, label, x.clone());
+            charts.extend(chart(
+                scene,
+                rows,
+                &Plane { title: title.into(), spacing, ..plane },
+                false,
+            ));
+        }
+    };
     let velocity = label(log.velocity_name());
-    look(
-        RowSelection::HeldOut,
-        "Over velocity",
-        &velocity,
-        Spacing::NarrowAtZero,
-        held.velocity.clone(),
-    );
-    look(
-        RowSelection::HeldOut,
-        "Over the time of a run",
-        "time since the start of the run (s)",
-        Spacing::Even,
-        held.time_in_run(),
-    );
+    add(held, "Over velocity", &velocity, Spacing::NarrowAtZero, held.velocity.clone());
+    let seconds = "time since the start of the run (s)";
+    add(held, "Over the time of a run", seconds, Spacing::Even, held.time_in_run());
     let campaign = scene.all.sampled(|sample| sample.campaign_time_h);
     let runs = if scene.about.data.runs.len() > 2 { Spacing::Runs } else { Spacing::Even };
-    look(RowSelection::All, "Over the campaign", "campaign time (h)", runs, campaign);
+    add(&scene.all, "Over the campaign", "campaign time (h)", runs, campaign);
     let measured = std::iter::once(Quantity::Position).chain(contract::covariates());
     let measured = measured.map(|quantity| quantity.name(log.train.joint));
     let measured = measured.filter(|name| log.varies(name)).map(str::to_owned);
@@ -424,7 +369,7 @@ pub(super) fn survey(scene: &Scene) -> (Vec<Chart>, Vec<Chart>) {
         if let Some(x) = held.named(log, scene.about.data, &name) {
             let title = label(&name);
             let quantity = title.split(" (").next().unwrap_or(&title);
-            look(RowSelection::HeldOut, &format!("Over {quantity}"), &title, Spacing::Even, x);
+            add(held, &format!("Over {quantity}"), &title, Spacing::Even, x);
         }
     }
     (along, plain)

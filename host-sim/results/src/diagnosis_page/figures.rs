@@ -47,16 +47,16 @@ pub(super) fn fitting_range(before: &[Mean], after: &[Mean], quarters: bool) -> 
 /// Returns the chart of the error budget: from plain friction, step by step, to what a flexible model and the noise leave.
 pub(super) fn budget(scene: &Scene) -> Chart {
     let steps = budget_of(scene.about.found);
-    let places: Vec<f64> = (0..steps.len()).map(|place| place as f64).collect();
+    let places = (0..).map(f64::from);
     let name = |step: &BudgetStep| match step.deployable || step.is_limit {
         true => step.name.to_owned(),
         false => format!("{} (PC)", step.name),
     };
-    let bars = |is_own: fn(&BudgetStep) -> bool| -> Vec<f64> {
-        steps.iter().map(|step| if is_own(step) { step.rmse } else { f64::NAN }).collect()
+    let bars = |series: &str, is_limit: bool| {
+        let drawn = steps.iter().zip(places.clone()).filter(|(step, _)| step.is_limit == is_limit);
+        let (x, y) = drawn.map(|(step, place)| (step.rmse, place)).unzip();
+        Series::bars(series, x, y)
     };
-    let model = bars(|step| !step.is_limit);
-    let limit = bars(|step| step.is_limit);
     Chart {
         title: "Error budget".into(),
         caption: "The held-out error of plain friction, then of a law with one cause more in each row, the one that takes most \
@@ -65,10 +65,7 @@ pub(super) fn budget(scene: &Scene) -> Chart {
             .into(),
         x: Axis::new(format!("RMSE ({})", scene.unit())),
         y: Axis::of_names("", steps.iter().map(name).collect::<Vec<_>>()),
-        series: vec![
-            Series::bars("model", model, places.clone()),
-            Series::bars("limit", limit, places),
-        ],
+        series: vec![bars("model", false), bars("limit", true)],
     }
 }
 
@@ -79,8 +76,8 @@ pub(super) fn errors(scene: &Scene) -> Chart {
     let mut runs: Vec<usize> = held.stretches.iter().map(|stretch| stretch.run).collect();
     runs.dedup();
     let rmse = |residual: &[f64], run: usize| {
-        let own = held.stretches.iter().filter(|stretch| stretch.run == run);
-        let rows = own.flat_map(|stretch| stretch.rows.clone());
+        let of_run = held.stretches.iter().filter(|stretch| stretch.run == run);
+        let rows = of_run.flat_map(|stretch| stretch.rows.clone());
         let (squares, weights) = rows.fold((0.0, 0.0), |(squares, weights), row| {
             (squares + held.weight[row] * residual[row].powi(2), weights + held.weight[row])
         });
@@ -180,23 +177,19 @@ pub(super) fn predictions(scene: &Scene) -> Option<[Chart; 3]> {
     let time: Vec<f64> = times(stretch).collect();
     let velocity: Vec<f64> = stretch.track.samples.iter().map(|s| s.velocity_rad_s).collect();
     let logged = &stretch.track.torque;
-    let curve = |name: &str, rows: std::ops::Range<usize>, torque: &[f64]| {
-        Series::thin_line(name, &time[rows.clone()], &torque[rows], CURVE_POINTS)
-    };
-    let curves = |rows: std::ops::Range<usize>| {
-        let mut series = vec![curve(LOGGED, rows.clone(), logged).muted()];
-        series.push(curve(scene.base(), rows.clone(), stretch.before));
+    let models = |draw: &dyn Fn(&str, &[f64]) -> Series| {
+        let mut series = vec![draw(LOGGED, logged).muted(), draw(scene.base(), stretch.before)];
         if scene.is_extended() {
-            series.push(curve(AFTER, rows, stretch.after));
+            series.push(draw(AFTER, stretch.after));
         }
         series
     };
-    let cloud =
-        |name: &str, torque: &[f64]| Series::thin_points(name, &velocity, torque, CLOUD_POINTS);
-    let mut clouds = vec![cloud(LOGGED, logged).muted(), cloud(scene.base(), stretch.before)];
-    if scene.is_extended() {
-        clouds.push(cloud(AFTER, stretch.after));
-    }
+    let curves = |rows: std::ops::Range<usize>| {
+        models(&|name, torque| {
+            Series::thin_line(name, &time[rows.clone()], &torque[rows.clone()], CURVE_POINTS)
+        })
+    };
+    let clouds = models(&|name, torque| Series::thin_points(name, &velocity, torque, CLOUD_POINTS));
     let window = close_up(scene, stretch);
     let name = &scene.about.data.runs[stretch.run].name;
     let seconds = || Axis::new("time since the start of the run (s)");
@@ -331,9 +324,9 @@ fn label(ranked: &RankedCandidate) -> String {
 
 /// Returns the chart of the candidates' gains.
 pub(super) fn ranking(shown: &[&RankedCandidate]) -> Chart {
-    let bars = |name: &str, own: &dyn Fn(&RankedCandidate) -> bool| {
+    let bars = |name: &str, is_drawn: &dyn Fn(&RankedCandidate) -> bool| {
         let (mut x, mut y, mut error) = (Vec::new(), Vec::new(), Vec::new());
-        for (place, ranked) in shown.iter().enumerate().filter(|(_, ranked)| own(ranked)) {
+        for (place, ranked) in shown.iter().enumerate().filter(|(_, ranked)| is_drawn(ranked)) {
             x.push(100.0 * ranked.candidate.figures.alone);
             y.push(place as f64);
             error.push(200.0 * ranked.candidate.gain_error());

@@ -40,13 +40,13 @@ fn window<'a>(scene: &Scene, stretch: &'a Stretch<'a>) -> Option<Window<'a>> {
     for row in 0..count {
         let (logged, base, extended) =
             (stretch.track.torque[row], stretch.before[row], stretch.after[row]);
-        let [own_effect, own_error] = match (stretch.track.is_included(row), scene.is_extended()) {
+        let [row_effect, row_error] = match (stretch.track.is_included(row), scene.is_extended()) {
             (false, _) => [0.0, 0.0],
             (true, true) => [(extended - base).powi(2), (logged - extended).powi(2)],
             (true, false) => [(logged - base).powi(2), 0.0],
         };
-        effect.push(effect[row] + own_effect);
-        error.push(error[row] + own_error);
+        effect.push(effect[row] + row_effect);
+        error.push(error[row] + row_error);
     }
     let windows = (0..=count - length).map(|begin| {
         let rows = begin..begin + length;

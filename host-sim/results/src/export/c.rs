@@ -177,8 +177,8 @@ enum Binding {
 /// Returns the expression as C text, and how tightly its outermost operator binds.
 fn render(value: &Expr) -> (String, Binding) {
     let at_least = |operand: &Expr, binding: Binding| {
-        let (text, own) = render(operand);
-        if own < binding { format!("({text})") } else { text }
+        let (text, inner) = render(operand);
+        if inner < binding { format!("({text})") } else { text }
     };
     let call = |function: &str, operands: &[&Expr]| {
         let operands: Vec<String> = operands.iter().map(|operand| render(operand).0).collect();

@@ -22,8 +22,8 @@ pub fn unsupported_term(model: &Parameters<f32>) -> Option<&'static str> {
 
 /// Returns the terms of a model, including those that are part of its law.
 fn active_terms(model: &Parameters<f32>) -> Vec<TermKind> {
-    let own = TermKind::ALL.iter().filter(|kind| model.law.includes(**kind));
-    own.chain(&model.terms).copied().collect()
+    let of_law = TermKind::ALL.iter().filter(|kind| model.law.includes(**kind));
+    of_law.chain(&model.terms).copied().collect()
 }
 
 /// Returns one step: the result is the friction torque, and the statements advance the state.
@@ -63,13 +63,13 @@ pub fn start(model: &Parameters<f32>) -> Option<Program> {
     for round in 0..BISECTIONS {
         let name = |what: &str| format!("{what}_{round}");
         let middle = program.define(name("middle"), (&least + &most) * Expr::number(0.5));
-        let own = name("");
+        let suffix = name("");
         let levels = if model.law == LawKind::LugreAsymmetric {
-            shared.levels(&mut program, &middle, &own)
+            shared.levels(&mut program, &middle, &suffix)
         } else {
             positive.clone()
         };
-        let bristles = shared.bristles(&mut program, &levels, &middle, &own);
+        let bristles = shared.bristles(&mut program, &levels, &middle, &suffix);
         let torque = plus(bristles.held, &bristles.damping_torque);
         let missing = program.define(name("missing"), &wanted - torque);
         least = program.define(name("least"), missing.if_positive(&middle, &least));

@@ -36,8 +36,8 @@ impl SteadyModel {
         let free: Vec<(ParameterId, f64)> = form.estimates.iter().filter_map(with_error).collect();
         // The correlation is that of the fit to the rows alone. The passive form may have one parameter less.
         let count = free.len();
-        let is_own = fit.correlation.nrows() == count && fit.driver_form.is_none();
-        let entry = |i, j| match is_own {
+        let has_correlation = fit.correlation.nrows() == count && fit.driver_form.is_none();
+        let entry = |i, j| match has_correlation {
             true => fit.correlation[(i, j)],
             false => f64::from(u8::from(i == j)),
         };

@@ -70,8 +70,7 @@ pub fn read_ageing(roots: &[&Path], out: &Path) -> Result<Vec<Ageing>, FleetErro
     for (joint, file) in found.concat() {
         let name = file.display().to_string();
         if let Some((_, first, _)) = trends.iter().find(|(known, ..)| *known == joint) {
-            let first = first.clone();
-            return Err(FleetError::SecondTrend { file: name, joint, first });
+            return Err(FleetError::SecondTrend(name, joint, first.clone()));
         }
         trends.push((joint, name, LevelTrend::read(&file)?));
     }
@@ -128,9 +127,9 @@ pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
 
 /// Returns true if the slope of this joint is significant and differs from those of the others.
 fn stands_out(slopes: &[Option<RelativeSlope>], at: usize, significance: f64) -> bool {
-    let Some(own) = &slopes[at] else { return false };
-    let excludes = |value: f64| value < own.interval[0] || own.interval[1] < value;
-    if own.p_value >= significance || !excludes(0.0) {
+    let Some(slope) = &slopes[at] else { return false };
+    let excludes = |value: f64| value < slope.interval[0] || slope.interval[1] < value;
+    if slope.p_value >= significance || !excludes(0.0) {
         return false;
     }
     let others = slopes.iter().enumerate().filter(|(other, _)| *other != at);
@@ -145,8 +144,8 @@ fn stands_out(slopes: &[Option<RelativeSlope>], at: usize, significance: f64) ->
     }
     let mut deviations: Vec<f64> = others.iter().map(|slope| (slope - middle).abs()).collect();
     deviations.sort_by(f64::total_cmp);
-    let scatter = (median(&deviations) / NORMAL_MAD).hypot(own.error);
-    (own.slope - middle).abs() > OUTLIER_SCORE * scatter
+    let scatter = (median(&deviations) / NORMAL_MAD).hypot(slope.error);
+    (slope.slope - middle).abs() > OUTLIER_SCORE * scatter
 }
 
 fn result(
@@ -232,9 +231,9 @@ mod tests {
             let mut rises = vec![0.0; count];
             rises[count - 1] = 0.23;
             let found = fleet(&rises, 5);
-            let own = format!("joint {count}");
-            assert_eq!(named(&found), [own.as_str()], "{count} joints");
-            assert_eq!(found[0].joint, own, "it is first");
+            let last = format!("joint {count}");
+            assert_eq!(named(&found), [last.as_str()], "{count} joints");
+            assert_eq!(found[0].joint, last, "it is first");
             let [low, high] = found[0].change_per_100h_ci95.unwrap();
             assert!(low < 0.23 / 1.4 && 0.23 / 1.4 < high, "{low} to {high}");
             let words = found[0].ageing.clone().unwrap();

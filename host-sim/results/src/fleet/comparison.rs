@@ -97,17 +97,19 @@ const MAX_NAMED: usize = 8;
 pub(super) fn rows_by_joint(rows: &[FleetRow]) -> BTreeMap<&str, Vec<usize>> {
     let mut by_joint: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     rows.iter().enumerate().for_each(|(at, row)| by_joint.entry(&row.joint).or_default().push(at));
-    by_joint.values_mut().for_each(|own| own.sort_by_key(|at| natural_key(&rows[*at].campaign)));
+    by_joint
+        .values_mut()
+        .for_each(|of_joint| of_joint.sort_by_key(|at| natural_key(&rows[*at].campaign)));
     by_joint
 }
 
 /// Returns the cause that most logs of a joint name, `none` without one; in how many; and the latest that agrees.
 pub(super) fn main_cause<'a>(
     rows: &'a [FleetRow],
-    own: &[usize],
+    of_joint: &[usize],
 ) -> (&'a str, usize, Option<usize>) {
     let mut found: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
-    let good = own.iter().filter(|at| rows[**at].is_ok() && rows[**at].cause != "none");
+    let good = of_joint.iter().filter(|at| rows[**at].is_ok() && rows[**at].cause != "none");
     good.for_each(|at| {
         let count = found.get(rows[*at].cause.as_str()).map_or(0, |(count, _)| *count);
         found.insert(&rows[*at].cause, (count + 1, *at));
@@ -123,7 +125,7 @@ pub fn comparisons(rows: &[FleetRow]) -> Comparisons {
     let latest = latest(rows);
     let groups = groups(rows, &latest);
     let mirrored = mirrored(&groups.iter().filter_map(|of| signed(rows, of)).collect::<Vec<_>>());
-    let has_enough = |own: &Vec<Value>| own.len() >= MIN_COMPARED;
+    let has_enough = |values: &Vec<Value>| values.len() >= MIN_COMPARED;
     let is_tested = |&(what, model, unit): &Group| match what {
         Compared::Level(level) => {
             !groups.get(&(Compared::LinearLevel(level), model, unit)).is_some_and(has_enough)
@@ -168,14 +170,16 @@ pub fn comparisons(rows: &[FleetRow]) -> Comparisons {
 /// Returns the latest row with a result of each joint.
 fn latest(rows: &[FleetRow]) -> Vec<usize> {
     let by_joint = rows_by_joint(rows).into_values();
-    by_joint.filter_map(|own| own.into_iter().rev().find(|at| rows[*at].is_ok())).collect()
+    by_joint
+        .filter_map(|of_joint| of_joint.into_iter().rev().find(|at| rows[*at].is_ok()))
+        .collect()
 }
 
 /// Returns the comparable values.
 fn groups<'a>(rows: &'a [FleetRow], latest: &[usize]) -> BTreeMap<Group<'a>, Vec<Value>> {
     let mut groups: BTreeMap<Group, Vec<Value>> = BTreeMap::new();
-    for own in rows_by_joint(rows).into_values() {
-        let sized = main_cause(rows, &own).2.map(|at| (at, &rows[at]));
+    for of_joint in rows_by_joint(rows).into_values() {
+        let sized = main_cause(rows, &of_joint).2.map(|at| (at, &rows[at]));
         if let Some((at, row)) = sized
             && let (Some(size), Some([low, high])) = (row.size, row.size_ci95)
         {
@@ -199,7 +203,9 @@ fn groups<'a>(rows: &'a [FleetRow], latest: &[usize]) -> BTreeMap<Group<'a>, Vec
         parts.for_each(|(part, of)| add(Compared::Signed(part), "", of));
     }
     // A size that its log does not determine has an infinite interval.
-    groups.values_mut().for_each(|own| own.retain(|(_, value, error)| (value + error).is_finite()));
+    groups
+        .values_mut()
+        .for_each(|values| values.retain(|(_, value, error)| (value + error).is_finite()));
     groups
 }
 
@@ -222,10 +228,10 @@ fn of_one_model(each: &mut BTreeMap<(usize, Compared), Comparison>) {
             fixed.get(&(row, Compared::LinearLevel(level))).is_none_or(Option::is_none)
         }
         Compared::LinearLevel(level) => {
-            let own = fixed.get(&(row, Compared::Level(level))).copied().flatten();
-            if let (Some(distance), Some(own)) = (&mut of.distance, own) {
+            let under_fixed = fixed.get(&(row, Compared::Level(level))).copied().flatten();
+            if let (Some(distance), Some(under_fixed)) = (&mut of.distance, under_fixed) {
                 let least = MIN_AGREEMENT * distance.difference[0];
-                let [_, low, high] = own.difference;
+                let [_, low, high] = under_fixed.difference;
                 distance.differs &= if least > 0.0 { high >= least } else { low <= least };
             }
             true
@@ -283,7 +289,7 @@ pub fn distances(values: &[(f64, f64)], significance: f64) -> Vec<Distance> {
     if has_factor {
         let logarithm = |(value, error): &(f64, f64)| (value.abs().ln(), error / value.abs());
         let also = differing(&values.iter().map(logarithm).collect::<Vec<_>>(), significance);
-        differs.iter_mut().zip(also).for_each(|(own, also)| *own &= also);
+        differs.iter_mut().zip(also).for_each(|(linear, also)| *linear &= also);
     }
     let alike = values.iter().zip(&differs).filter(|(_, differs)| !**differs).map(|(of, _)| *of);
     let others = middle(alike.clone().map(|(value, _)| value));
@@ -292,10 +298,10 @@ pub fn distances(values: &[(f64, f64)], significance: f64) -> Vec<Distance> {
     let error = (FRAC_PI_2 * sums.mean_and_variance().1 / sums.count).sqrt();
     let student = StudentsT::new(0.0, 1.0, sums.count - 1.0);
     let reach = student.map_or(f64::INFINITY, |of| of.inverse_cdf(0.975));
-    let distance = |(&(value, own), differs): (&(f64, f64), bool)| {
-        let (difference, half) = (value - others, reach * error.hypot(own));
+    let distance = |(&(value, std_error), differs): (&(f64, f64), bool)| {
+        let (difference, half) = (value - others, reach * error.hypot(std_error));
         let factor = || {
-            let reach = reach * (error / others).hypot(own / value);
+            let reach = reach * (error / others).hypot(std_error / value);
             [0.0, -reach, reach].map(|end: f64| value / others * end.exp())
         };
         let difference = [difference, difference - half, difference + half];

@@ -17,6 +17,7 @@
 //! file never stand for those of another.
 
 use super::FleetError;
+use crate::ResultError;
 use crate::level_trend::FILE_ENDS;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -69,7 +70,7 @@ pub fn jobs_of_files(
         }
     }
     if jobs.is_empty() && !has_trend {
-        return Err(FleetError::NoLog { folder: root.to_owned() });
+        return Err(FleetError::NoLog(root.to_owned()));
     }
     let job = |((joint, campaign), files)| {
         let addresses = Vec::new();
@@ -100,14 +101,14 @@ fn is_trend(root: &Path, file: &Path) -> bool {
 /// Returns the name of the joint of a trend: that of its folder, or the begin of its own name.
 fn trend_joint(root: &Path, file: &Path) -> String {
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let own = FILE_ENDS.iter().find_map(|end| {
+    let begin = FILE_ENDS.iter().find_map(|end| {
         let start = name.len().checked_sub(end.len() + 1)?;
         name.get(..start).filter(|_| name.to_lowercase().ends_with(&format!(".{end}")))
     });
     let folders = folders(root, file);
     let keyed = folders.iter().find_map(|name| name.strip_prefix("joint=").map(str::to_owned));
     let in_folder = keyed.or_else(|| folders.first().cloned());
-    in_folder.or_else(|| own.map(str::to_owned)).unwrap_or_else(|| folder_name(root))
+    in_folder.or_else(|| begin.map(str::to_owned)).unwrap_or_else(|| folder_name(root))
 }
 
 fn folder_name(folder: &Path) -> String {
@@ -133,7 +134,7 @@ fn is_log(root: &Path, file: &Path) -> bool {
 }
 
 fn walk(folder: &Path, out: &Path, files: &mut Vec<PathBuf>) -> Result<(), FleetError> {
-    let failed = FleetError::of_file(folder);
+    let failed = ResultError::of_file(folder);
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
         .map_err(&failed)?
         .map(|entry| entry.map(|entry| entry.path()))

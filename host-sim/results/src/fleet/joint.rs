@@ -148,12 +148,13 @@ pub fn summarise(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Flee
     each.into_iter().for_each(|of| compared.entry(&rows[of.row].joint).or_default().push(of));
     let mut by_joint = rows_by_joint(rows);
     ageing.iter().for_each(|of| _ = by_joint.entry(&of.joint).or_default());
-    let summarise = |(joint, own): (&str, Vec<usize>)| {
+    let summarise = |(joint, of_joint): (&str, Vec<usize>)| {
         let trends = trends.iter().filter(|of| of.joint == joint && of.is_significant);
         let compared = compared.get(joint).map_or(&[][..], Vec::as_slice);
-        let mut found = summary(joint, rows, own, &trends.collect::<Vec<_>>(), compared, limits);
-        let own_ageing = ageing.iter().filter(|of| of.joint == joint);
-        found.reasons.extend(own_ageing.filter_map(|of| of.ageing.clone()));
+        let mut found =
+            summary(joint, rows, of_joint, &trends.collect::<Vec<_>>(), compared, limits);
+        let ageing_of_joint = ageing.iter().filter(|of| of.joint == joint);
+        found.reasons.extend(ageing_of_joint.filter_map(|of| of.ageing.clone()));
         found
     };
     let mut found: Vec<JointSummary> = by_joint.into_iter().map(summarise).collect();
@@ -175,21 +176,22 @@ fn shared(rows: &[FleetRow], joints: &[JointSummary]) -> Vec<SharedCause> {
     let mut groups: BTreeMap<&str, Vec<&JointSummary>> = BTreeMap::new();
     let named = joints.iter().filter(|joint| 2 * joint.named > joint.diagnosed);
     named.for_each(|joint| groups.entry(&joint.cause).or_default().push(joint));
-    groups.retain(|_, own| own.len() > 1 && 2 * own.len() > of);
+    groups.retain(|_, sharing| sharing.len() > 1 && 2 * sharing.len() > of);
     let range = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         let (first, last) = (*values.first()?, *values.last()?);
         Some([median(&values), first, last])
     };
-    let describe = |(cause, own): (&str, Vec<&JointSummary>)| {
-        let unit = &own[0].size_unit;
+    let describe = |(cause, sharing): (&str, Vec<&JointSummary>)| {
+        let unit = &sharing[0].size_unit;
         let differs = |joint: &JointSummary| joint.distance.is_some_and(|of| of.differs);
-        let alike = own.iter().filter(|joint| !differs(joint) && joint.size_unit == *unit);
-        let effect = own.iter().filter_map(|joint| rows[main_cause(rows, &joint.rows).2?].effect);
+        let alike = sharing.iter().filter(|joint| !differs(joint) && joint.size_unit == *unit);
+        let effect =
+            sharing.iter().filter_map(|joint| rows[main_cause(rows, &joint.rows).2?].effect);
         let effect = range(effect.collect()).map(|[middle, ..]| middle);
         SharedCause {
             cause: cause.to_owned(),
-            joints: own.len(),
+            joints: sharing.len(),
             of,
             size: range(alike.filter_map(|joint| joint.size).collect()),
             unit: unit.clone(),
@@ -203,16 +205,17 @@ fn shared(rows: &[FleetRow], joints: &[JointSummary]) -> Vec<SharedCause> {
 fn summary(
     joint: &str,
     rows: &[FleetRow],
-    own: Vec<usize>,
+    of_joint: Vec<usize>,
     trends: &[&Trend],
     compared: &[Comparison],
     limits: &[Limit],
 ) -> JointSummary {
-    let good: Vec<&FleetRow> = own.iter().map(|at| &rows[*at]).filter(|row| row.is_ok()).collect();
-    let (cause, named, latest) = main_cause(rows, &own);
+    let good: Vec<&FleetRow> =
+        of_joint.iter().map(|at| &rows[*at]).filter(|row| row.is_ok()).collect();
+    let (cause, named, latest) = main_cause(rows, &of_joint);
     let trend: Vec<String> = trends.iter().map(|trend| trend_in_words(trend)).collect();
     let mut reasons = Vec::new();
-    if own.last().is_some_and(|at| !rows[*at].is_ok()) {
+    if of_joint.last().is_some_and(|at| !rows[*at].is_ok()) {
         reasons.push("the latest log has no result".to_owned());
     }
     reasons.extend(trend.iter().cloned());
@@ -254,7 +257,7 @@ fn summary(
         distance: compared.iter().find(|of| of.what == Compared::Cause).and_then(|of| of.distance),
         trend: trend.join(", "),
         reasons,
-        rows: own,
+        rows: of_joint,
     }
 }
 
@@ -337,8 +340,8 @@ mod tests {
     /// Returns joints that share a ripple of 15 mNm, of which the last is `factor` times larger.
     fn rippled(count: usize, factor: f64, effect: f64) -> Vec<FleetRow> {
         let size = |at: usize| {
-            let own = 0.015 * (1.0 + 0.02 * ((at * 5) % 7) as f64);
-            if at + 1 == count { factor * own } else { own }
+            let level = 0.015 * (1.0 + 0.02 * ((at * 5) % 7) as f64);
+            if at + 1 == count { factor * level } else { level }
         };
         let row = |at: usize| FleetRow {
             size: Some(size(at)),

@@ -79,13 +79,13 @@ pub fn trends(rows: &[FleetRow], limits: &[Limit]) -> Vec<Trend> {
         by_joint.entry((&row.joint, &row.fixed_model, &row.unit)).or_default().push(row);
     }
     let mut trends = Vec::new();
-    for ((joint, ..), own) in &by_joint {
+    for ((joint, ..), of_joint) in &by_joint {
         for (level, name) in LEVELS.iter().enumerate() {
             let points = |of: fn(&FleetRow) -> &[Option<Level>; LEVELS.len()]| -> Vec<(f64, f64)> {
                 let point = |row: &&FleetRow| {
                     Some((*times.get(row.campaign.as_str())?, of(row)[level]?.value))
                 };
-                own.iter().filter_map(point).collect()
+                of_joint.iter().filter_map(point).collect()
             };
             // A line joins values of one model: of the one that more campaigns determine.
             let (fixed, linear) = (points(|row| &row.levels), points(|row| &row.linear_levels));

@@ -5,6 +5,7 @@
 //! computation. Lines of text are copied as they are.
 
 use super::{FleetError, FleetJob};
+use crate::ResultError;
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use joint_log::{Cells, Table};
 use std::collections::BTreeMap;
@@ -34,12 +35,12 @@ type Names = (String, String);
 /// # Errors
 /// One line, if the table cannot be read or has no column `joint`, or a row names no joint.
 pub fn jobs_of_table(table: &Path, folder: &Path) -> Result<Vec<FleetJob>, FleetError> {
-    let failed = FleetError::of_file(table);
+    let failed = ResultError::of_file(table);
     let mut head = Vec::new();
     File::open(table).map_err(&failed)?.take(4096).read_to_end(&mut head).map_err(&failed)?;
     let pieces = match (head.starts_with(PARQUET), head.contains(&0)) {
         (true, _) => parquet_pieces(table, folder)?,
-        (_, true) => return Err(FleetError::NoText { table: table.to_owned() }),
+        (_, true) => return Err(FleetError::NoText(table.to_owned())),
         _ => text_pieces(table, folder)?,
     };
     let job = |((joint, campaign), file): (Names, PathBuf)| {
@@ -50,26 +51,19 @@ pub fn jobs_of_table(table: &Path, folder: &Path) -> Result<Vec<FleetJob>, Fleet
     Ok(pieces.into_iter().map(job).collect())
 }
 
-fn no_joint_column(table: &Path) -> FleetError {
-    FleetError::NoJointColumn { table: table.to_owned() }
-}
-
-fn unnamed_row(table: &Path, row: usize) -> FleetError {
-    FleetError::UnnamedRow { table: table.to_owned(), row }
-}
-
 /// Splits a table in memory, and writes each piece as Parquet.
 fn parquet_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, FleetError> {
     let read = joint_log::parquet_table(table)?;
     let place =
         |name: &str| read.columns.iter().position(|(known, _)| known.eq_ignore_ascii_case(name));
-    let (joint, campaign) = (place(JOINT).ok_or_else(|| no_joint_column(table))?, place(CAMPAIGN));
+    let (joint, campaign) =
+        (place(JOINT).ok_or_else(|| FleetError::NoJointColumn(table.to_owned()))?, place(CAMPAIGN));
     let rows = read.columns[joint].1.len();
     let mut of: BTreeMap<Names, Vec<usize>> = BTreeMap::new();
     for row in 0..rows {
         let name = read.columns[joint].1.text_of(row);
         if name.is_empty() {
-            return Err(unnamed_row(table, row + 2));
+            return Err(FleetError::UnnamedRow(table.to_owned(), row + 2));
         }
         let campaign = campaign.map_or(String::new(), |at| read.columns[at].1.text_of(row));
         of.entry((name, campaign)).or_default().push(row);
@@ -78,7 +72,7 @@ fn parquet_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf
     let write = |(at, (names, rows)): (usize, (Names, Vec<usize>))| {
         let content = piece(&read, &named, &rows).emit(TableFormat::Parquet)?;
         let file = folder.join(format!("{at}.parquet"));
-        std::fs::write(&file, content).map_err(FleetError::of_file(&file))?;
+        std::fs::write(&file, content).map_err(ResultError::of_file(&file))?;
         Ok((names, file))
     };
     of.into_iter().enumerate().map(write).collect()
@@ -111,7 +105,7 @@ impl Piece {
     fn flush(&mut self) -> Result<(), FleetError> {
         let file = OpenOptions::new().create(true).append(true).open(&self.file);
         file.and_then(|mut file| file.write_all(&self.buffer))
-            .map_err(FleetError::of_file(&self.file))?;
+            .map_err(ResultError::of_file(&self.file))?;
         self.buffer.clear();
         Ok(())
     }
@@ -119,7 +113,7 @@ impl Piece {
 
 /// Copies the lines of a text to pieces, without the cells with the names.
 fn text_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, FleetError> {
-    let failed = FleetError::of_file(table);
+    let failed = ResultError::of_file(table);
     let mut lines = BufReader::new(File::open(table).map_err(&failed)?);
     let (mut above, mut line) = (Vec::new(), Vec::new());
     let mut header = None;
@@ -143,7 +137,8 @@ fn text_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, 
         if line.trim_ascii().is_empty() {
             continue;
         }
-        let names = header.names(&line).ok_or_else(|| unnamed_row(table, number))?;
+        let names =
+            header.names(&line).ok_or_else(|| FleetError::UnnamedRow(table.to_owned(), number))?;
         let next = pieces.len();
         let piece = pieces.entry(names).or_insert_with(|| Piece {
             file: folder.join(format!("{next}.csv")),
@@ -155,10 +150,10 @@ fn text_pieces(table: &Path, folder: &Path) -> Result<BTreeMap<Names, PathBuf>, 
         }
     }
     if header.is_none() {
-        return Err(no_joint_column(table));
+        return Err(FleetError::NoJointColumn(table.to_owned()));
     }
     if pieces.is_empty() {
-        return Err(FleetError::NoRows { table: table.to_owned() });
+        return Err(FleetError::NoRows(table.to_owned()));
     }
     let flushed = |(names, mut piece): (Names, Piece)| piece.flush().map(|()| (names, piece.file));
     pieces.into_iter().map(flushed).collect()

@@ -113,12 +113,12 @@ mod tests {
         correlation: f64,
         noise: &mut impl FnMut() -> f64,
     ) -> Vec<(f64, f64)> {
-        let mut own = noise();
+        let mut deviation = noise();
         let fresh = (1.0 - correlation * correlation).sqrt();
         (0..count)
             .map(|at| {
-                own = correlation * own + fresh * noise();
-                (at as f64, 4.0 + slope * at as f64 + 0.1 * own)
+                deviation = correlation * deviation + fresh * noise();
+                (at as f64, 4.0 + slope * at as f64 + 0.1 * deviation)
             })
             .collect()
     }

@@ -113,7 +113,7 @@ fn generalisation(view: &View) -> String {
     let unit = view.unit();
     let both =
         format!("{} and {}", quantity(best.test.rmse, unit), quantity(best.train.rmse, unit));
-    let own = match growth(best) {
+    let comparison = match growth(best) {
         // If most models have the same growth, the held-out rows are the reason.
         grown
             if grown > EQUAL_ERROR_RATIO
@@ -139,10 +139,10 @@ fn generalisation(view: &View) -> String {
     };
     let lost: Vec<String> = view.ranking.iter().filter(lost).map(|&fit| view.name(fit)).collect();
     if lost.is_empty() {
-        return format!("{own}.");
+        return format!("{comparison}.");
     }
     format!(
-        "{own}; the errors of {} grow much more on held-out rows than those of the other models.",
+        "{comparison}; the errors of {} grow much more on held-out rows than those of the other models.",
         listed(&lost, 8)
     )
 }

@@ -1,7 +1,7 @@
 //! The tables of the page.
 
 use super::{View, fitted};
-use crate::report::{Best, Block, Cell, Table};
+use crate::report::{Block, Cell, Table};
 use friction_fit::params::{unit, unit_in_words};
 use friction_fit::{Estimate, Metrics, Outcome, State};
 use std::ops::Range;
@@ -42,7 +42,7 @@ fn metrics(
     // With a single model, no value is marked.
     let table = Table::new(caption, &header, view.ranking.iter().map(row));
     let best = if view.study.fits.len() > 1 { 1..table.header.len() } else { 1..1 };
-    Table { best: best.map(|column| (column, Best::Smallest)).collect(), ..table }
+    Table { best: best.collect(), ..table }
 }
 
 pub(crate) fn held_out_metrics(view: &View) -> Table {
@@ -131,8 +131,8 @@ pub(crate) fn files(view: &View) -> Table {
 pub(crate) fn runs(view: &View) -> Table {
     let (data, split) = (view.study.data, view.study.split);
     let rows_of = |parts: &[joint_log::Part], run: usize| -> Cell {
-        let own = parts.iter().filter(|part| part.run == run);
-        Cell::Count(own.map(|part| Range::len(&part.rows) as u64).sum())
+        let of_run = parts.iter().filter(|part| part.run == run);
+        Cell::Count(of_run.map(|part| Range::len(&part.rows) as u64).sum())
     };
     let row = |(index, run): (usize, &joint_log::Run)| {
         let seconds = run.time_s[run.len() - 1] - run.time_s[0];

@@ -47,8 +47,6 @@ pub enum Style {
     Points,
     /// A curve through the values, in their order.
     Line,
-    /// A curve that holds each value until the next one, for commands, states and flags.
-    Steps,
     /// A bar from zero to each value, on a linear axis.
     Bars,
     /// The area between `y` and this upper edge, `upper[i]` above `x[i]`.
@@ -108,11 +106,6 @@ impl Series {
         Self::points(name, rounded(&x), rounded(&y))
     }
 
-    /// Creates a curve with steps.
-    pub fn steps(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self::new(name, Style::Steps, x, y)
-    }
-
     /// Creates a series with a bar for each value.
     pub fn bars(name: impl Into<String>, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self::new(name, Style::Bars, x, y)
@@ -158,7 +151,7 @@ impl Chart {
             let thin = match series.style {
                 Style::Line => thin_series,
                 Style::Points => thin_scatter,
-                Style::Steps | Style::Bars | Style::Band { .. } => continue,
+                Style::Bars | Style::Band { .. } => continue,
             };
             (series.x, series.y) = thin(&series.x, &series.y, most);
         }

@@ -153,7 +153,7 @@ fn legend(series: &[Series], classes: &[String]) -> Markup {
                     svg class={ "sample " (classes) } viewBox="0 0 24 10" data-style=(style_name(&series.style)) aria-hidden="true" {
                         @match series.style {
                             Style::Points => path.dots d="M12 5h0" {},
-                            Style::Line | Style::Steps => path.line d="M1 5h22" {},
+                            Style::Line => path.line d="M1 5h22" {},
                             Style::Bars => rect x="2" width="20" height="10" {},
                             Style::Band { .. } => path.band d="M1 1h22v8h-22z" {},
                         }

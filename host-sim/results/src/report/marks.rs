@@ -68,14 +68,6 @@ impl PathData {
         self.at = Some(to);
     }
 
-    /// Draws a horizontal line, then a vertical one.
-    fn step(&mut self, to: (i64, i64)) {
-        let Some(at) = self.at else { return self.start(to) };
-        self.push('h', &[to.0 - at.0]);
-        self.push('v', &[to.1 - at.1]);
-        self.at = Some(to);
-    }
-
     /// Draws a dot at a place.
     fn dot(&mut self, to: (i64, i64)) {
         self.start(to);
@@ -106,7 +98,7 @@ pub(super) fn series(
     classes += match series.style {
         Style::Points if on_names => " big",
         Style::Points if count > SMALL_DOT_COUNT => " small",
-        Style::Line | Style::Steps if count > THIN_LINE_COUNT => " thin",
+        Style::Line if count > THIN_LINE_COUNT => " thin",
         _ => "",
     };
     html! {
@@ -118,11 +110,10 @@ pub(super) fn series(
                 }
                 Style::Line if series.error.is_some() => {
                     (errors(series, scales))
-                    path.line d=(line(series, scales, false)) {}
+                    path.line d=(line(series, scales)) {}
                     path.dots d=(dots(series, scales)) {}
                 }
-                Style::Line => path.line d=(line(series, scales, false)) {},
-                Style::Steps => path.line d=(line(series, scales, true)) {},
+                Style::Line => path.line d=(line(series, scales)) {},
                 Style::Band { upper } => path.band d=(band(series, upper, scales)) {},
                 Style::Bars => (bars(series, index, chart, scales)),
             }
@@ -135,7 +126,6 @@ pub(super) fn style_name(style: &Style) -> &'static str {
     match style {
         Style::Points => "points",
         Style::Line => "line",
-        Style::Steps => "steps",
         Style::Bars => "bars",
         Style::Band { .. } => "band",
     }
@@ -148,7 +138,7 @@ fn dots(series: &Series, scales: &Scales) -> String {
     path.text
 }
 
-fn line(series: &Series, scales: &Scales, is_stepped: bool) -> String {
+fn line(series: &Series, scales: &Scales) -> String {
     // Points with error bars are few, and their lines must meet them.
     let (x, y) = match series.error {
         Some(_) => (series.x.clone(), series.y.clone()),
@@ -163,7 +153,6 @@ fn line(series: &Series, scales: &Scales, is_stepped: bool) -> String {
                 path.start(place);
                 is_open = true;
             }
-            Some(place) if is_stepped => path.step(place),
             Some(place) => path.draw(place),
         }
     }

@@ -30,6 +30,6 @@ pub use chart::{Axis, Chart, Series, Style};
 pub use finder::Finder;
 pub use page::{Block, Page};
 pub use section::Section;
-pub use table::{Best, Cell, Table};
+pub use table::{Cell, Table};
 pub use thin::{rounded, thin_scatter, thin_series};
 pub use tile::{Tile, Tone};

@@ -1,7 +1,7 @@
 //! Tables of numbers.
 //!
 //! Numbers in a column are aligned at their decimal points. Values with standard errors mostly have different units and
-//! are aligned like text. Numbers have four significant digits by default. [`Table::best`] marks the smallest or largest
+//! are aligned like text. Numbers have four significant digits by default. [`Table::best`] marks the smallest
 //! number of a column: in bold type, which also prints in black and white, and with a word for screen readers.
 
 use maud::{Markup, html};
@@ -91,15 +91,6 @@ impl Cell {
     }
 }
 
-/// The number of a column that is marked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Best {
-    /// The smallest: errors, durations.
-    Smallest,
-    /// The largest: gains, shares explained.
-    Largest,
-}
-
 /// A table.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
@@ -109,8 +100,8 @@ pub struct Table {
     pub header: Vec<String>,
     /// Rows with one cell for each column; missing cells are empty, surplus cells are not shown.
     pub rows: Vec<Vec<Cell>>,
-    /// Columns, counted from 0, whose best number is marked.
-    pub best: Vec<(usize, Best)>,
+    /// Columns, counted from 0, whose smallest number is marked: errors, durations.
+    pub best: Vec<usize>,
 }
 
 /// Layout of a table column.
@@ -187,7 +178,6 @@ impl Table {
     fn column(&self, index: usize) -> ColumnLayout {
         let cells = || self.rows.iter().filter_map(|row| row.get(index));
         let values = || cells().filter_map(Cell::value).filter(|value| value.is_finite());
-        let best = self.best.iter().find(|(column, _)| *column == index).map(|(_, best)| best);
         ColumnLayout {
             numeric: cells().any(|cell| cell.value().is_some())
                 && !cells().any(|cell| {
@@ -197,10 +187,7 @@ impl Table {
                 .map(|cell| at_point(&cell.text()).1.chars().count())
                 .max()
                 .unwrap_or(0),
-            best: best.and_then(|best| match best {
-                Best::Smallest => values().reduce(f64::min),
-                Best::Largest => values().reduce(f64::max),
-            }),
+            best: values().reduce(f64::min).filter(|_| self.best.contains(&index)),
         }
     }
 }

@@ -61,8 +61,8 @@ pub fn table(runs: &[TuneRun]) -> TableFile {
     table.push("run", TableColumn::Texts { texts: distinct_names(runs), indices });
     for name in column_names(runs) {
         let of_run = |(run, rows): (&TuneRun, &usize)| {
-            let own = run.columns.iter().find(|(own, _)| *own == name);
-            let mut values = own.map_or_else(Vec::new, |(_, values)| values.clone());
+            let column = run.columns.iter().find(|(known, _)| *known == name);
+            let mut values = column.map_or_else(Vec::new, |(_, values)| values.clone());
             values.resize(*rows, f64::NAN);
             values
         };

@@ -142,9 +142,9 @@ pub(super) fn title(report: &TuneReport) -> String {
     format!("{}: {result}", report.joint)
 }
 
-/// Returns what happened to the parameters, how long the session was, and on what joint.
+/// Returns what happened to the parameters.
 fn happened(report: &TuneReport) -> String {
-    let result = match &report.outcome {
+    match &report.outcome {
         TuneOutcome::Returned(why) => {
             let tried = match (report.parameters.len(), report.trial.blocks.len()) {
                 (0, _) | (_, 0) => String::new(),
@@ -157,19 +157,19 @@ fn happened(report: &TuneReport) -> String {
             format!("The former parameters are back{tried}. {}", sentence(why))
         }
         TuneOutcome::Saved => saved(report).to_owned(),
-    };
-    let joint = if report.is_simulated { " The joint is simulated." } else { "" };
-    format!("{result} The session took {}.{joint}", duration(report.seconds))
+    }
 }
 
 /// Returns the answers of the page.
 pub(super) fn answers(report: &TuneReport) -> Answers {
-    let certainty = match report.trial.blocks.len() {
+    let tested = match report.trial.blocks.len() {
         0 => "Not tested: no set was tried.".to_owned(),
         blocks => format!(
             "The same motion was performed {blocks} times in a balanced order. Intervals are of 95\u{a0}%."
         ),
     };
+    let joint = if report.is_simulated { " The joint is simulated." } else { "" };
+    let certainty = format!("{tested} The session took {}.{joint}", duration(report.seconds));
     let (gain, next) = match report.outcome {
         TuneOutcome::Returned(_) => (
             "Nothing: the joint is as it was.".to_owned(),

@@ -3,6 +3,7 @@
 //! Rows of one test are nearly repeats of the same measurement, so whole tests are held out. [`TestCampaign::folds`] holds out
 //! each test once, or every third test together in the short form. Each test is evaluated by a fit that has not used it.
 
+use crate::PaperError;
 use crate::measured_file;
 use friction_fit::{Track, tracks_with};
 use joint_log::{Dataset, ReadOptions, read};
@@ -32,10 +33,10 @@ impl TestCampaign {
     ///
     /// # Errors
     /// Returns one line that states what is wrong with the file.
-    pub fn read(folder: &Path, file: &str) -> Result<Option<Self>, String> {
+    pub fn read(folder: &Path, file: &str) -> Result<Option<Self>, PaperError> {
         let Some(path) = measured_file(folder, file) else { return Ok(None) };
         let data = read(&[path], &ReadOptions::default(), &|_, _| {});
-        data.map(|data| Some(Self::of(&data))).map_err(|error| error.to_string())
+        data.map(|data| Some(Self::of(&data))).map_err(PaperError::source)
     }
 
     /// Returns the tests of a data set.

@@ -9,7 +9,7 @@ use super::score::CampaignScore;
 use super::{COULOMB_VISCOUS, LUGRE, NAMED, NAMED_WITH_TENSION, NamedScore};
 use crate::{Goal, PaperOutcome};
 use compensator_core::Sample;
-use friction_results::report::{Axis, Best, Block, Cell, Chart, Section, Series, Table};
+use friction_results::report::{Axis, Block, Cell, Chart, Section, Series, Table};
 
 /// Goals of the comparison, from the paper's results and from earlier trials on the same rows.
 const LUGRE_EACH_MEAN_PERCENT: f64 = 5.44;
@@ -79,8 +79,7 @@ fn comparison(caption: &str, tests: &TestCampaign, scores: &[NamedScore]) -> Tab
         ]
     };
     let header = "model|mean over tests, of range (%)|pooled RMSE (N)|pooled RMSE / std";
-    let best = (1..4).map(|column| (column, Best::Smallest)).collect();
-    Table { best, ..Table::new(caption, header, scores.iter().map(row)) }
+    Table { best: vec![1, 2, 3], ..Table::new(caption, header, scores.iter().map(row)) }
 }
 
 /// Chart of force over position for the held-out test of this name, with some of the models.

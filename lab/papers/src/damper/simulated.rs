@@ -8,6 +8,7 @@ use super::model::LUGRE;
 use super::network::{NetworkInputs, options};
 use super::score::CampaignScore;
 use super::{PaperOutcome, PaperRequest, PrintedTable, ResultRow, TABLE_2, TABLE_3};
+use crate::PaperError;
 use friction_fit::Track;
 use joint_rig::simulated::dataset;
 use paper_machines::SIMULATIONS;
@@ -32,11 +33,13 @@ const SHORT_FORM_TENSIONS: [&str; 2] = ["25lb", "80lb"];
 pub(super) fn add_unpublished_tests(
     request: &PaperRequest,
     outcome: &mut PaperOutcome,
-) -> Result<(), String> {
+) -> Result<(), PaperError> {
     (request.progress)("simulating the damper");
-    let plant = SIMULATIONS.iter().find(|plant| plant.name == "damper").ok_or("no damper")?;
+    let plant =
+        SIMULATIONS.iter().find(|plant| plant.name == "damper").ok_or(PaperError::NoDamper)?;
     let log = plant
-        .simulate(&SimulationRequest { seed: request.seed, ..SimulationRequest::default() })?
+        .simulate(&SimulationRequest { seed: request.seed, ..SimulationRequest::default() })
+        .map_err(PaperError::source)?
         .log;
     let all = TestCampaign::of(&dataset(&log));
     let is_wind = |name: &str| name.starts_with("wind");

@@ -37,10 +37,12 @@ impl<const N: usize> NormalSums<N> {
     /// Adds a weighted residual with its derivatives.
     pub fn push(&mut self, residual: f64, derivatives: &[f64; N], weight: f64) {
         self.sum += weight * residual * residual;
-        for ((slope, row), own) in self.slope.iter_mut().zip(&mut self.matrix).zip(derivatives) {
-            let own = weight * own;
-            *slope += own * residual;
-            row.iter_mut().zip(derivatives).for_each(|(sum, other)| *sum += own * other);
+        for ((slope, row), derivative) in
+            self.slope.iter_mut().zip(&mut self.matrix).zip(derivatives)
+        {
+            let derivative = weight * derivative;
+            *slope += derivative * residual;
+            row.iter_mut().zip(derivatives).for_each(|(sum, other)| *sum += derivative * other);
         }
     }
 
@@ -109,8 +111,8 @@ pub fn search(
         };
         let free: Vec<usize> = (0..count).filter(|i| !outward(*i)).collect();
         let matrix = DMatrix::from_fn(free.len(), free.len(), |i, j| {
-            let own = normal.matrix[(free[i], free[j])];
-            if i == j { own + damping * scale(&normal, free[i]) } else { own }
+            let entry = normal.matrix[(free[i], free[j])];
+            if i == j { entry + damping * scale(&normal, free[i]) } else { entry }
         });
         let slope = DVector::from_fn(free.len(), |i, _| -normal.slope[free[i]]);
         let Some(factor) = matrix.cholesky() else {

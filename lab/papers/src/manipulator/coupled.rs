@@ -9,6 +9,7 @@ use super::fit::{Course, Fitted, evaluate};
 use super::printed::{MODELS, PrintedModel};
 use super::study::{ARM, Extent, TorqueStudy, fit_by_both_protocols, fit_properly};
 use super::torques::Joint;
+use crate::PaperError;
 use compensator_core::Parameters;
 use joint_log::{Dataset, Quantity, Run};
 use rayon::prelude::*;
@@ -58,11 +59,11 @@ impl InsideFit {
 ///
 /// # Errors
 /// Returns one line for an unknown name.
-pub fn model(name: &str) -> Result<&'static PrintedModel, String> {
+pub fn model(name: &str) -> Result<&'static PrintedModel, PaperError> {
     let found = MODELS.iter().find(|model| model.name.eq_ignore_ascii_case(name));
     found.ok_or_else(|| {
         let known = MODELS.map(|model| model.name.to_lowercase()).join(", ");
-        format!("--inside manipulator: found model {name:?}, expected of {known}")
+        PaperError::UnknownModel(name.to_owned(), known)
     })
 }
 
@@ -75,35 +76,31 @@ impl ArmLog {
         joints: &[(String, &Dataset)],
         held_out: &[&str],
         starts: usize,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, PaperError> {
         if joints.len() != JOINTS {
             let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
-            let found = names.join(", ");
-            return Err(format!("--inside manipulator: found joints {found}, expected three"));
+            return Err(PaperError::Joints(names.join(", ")));
         }
         let runs = &joints[0].1.runs;
         let is_held_out = |run: &&Run| held_out.contains(&run.name.as_str());
         let of = |wanted: bool| {
-            let own = runs.iter().filter(|run| is_held_out(run) == wanted);
-            own.map(|run| course(joints, &run.name)).collect::<Result<Vec<_>, String>>()
+            let chosen = runs.iter().filter(|run| is_held_out(run) == wanted);
+            chosen.map(|run| course(joints, &run.name)).collect::<Result<Vec<_>, PaperError>>()
         };
         let (train, test) = (of(false)?, of(true)?);
         let (Some(first), false) = (train.first(), test.is_empty()) else {
-            return Err(
-                "--inside manipulator: no run to fit, or none to evaluate; whole runs are held out"
-                    .into(),
-            );
+            return Err(PaperError::NoRuns);
         };
         let rows = |time_s: f64| ((time_s / first.drive.period_s).round() as usize).max(1);
         let (stride, torque_stride) = (rows(STEP_S), rows(1.0 / TORQUE_RATE_HZ));
         let torques = joints
             .iter()
             .map(|(name, data)| {
-                let thin = decimate_rows(data, torque_stride)
-                    .map_err(|why| format!("joint {name}: {why}"))?;
-                Joint::new(thin, held_out, &[]).map_err(|why| format!("joint {name}: {why}"))
+                let joint = decimate_rows(data, torque_stride);
+                let joint = joint.and_then(|thin| Joint::new(thin, held_out, &[]));
+                joint.map_err(|error| error.of(format!("joint {name}")))
             })
-            .collect::<Result<_, String>>()?;
+            .collect::<Result<_, PaperError>>()?;
         let extent = Extent { stride, torque_stride, starts: starts.clamp(1, 8), ..Extent::QUICK };
         Ok(Self { train, test, torques, extent })
     }
@@ -112,15 +109,15 @@ impl ArmLog {
     ///
     /// # Errors
     /// Returns one line if the torques of a joint cannot be fitted.
-    pub fn fit(&self, model: &'static PrintedModel) -> Result<InsideFit, String> {
+    pub fn fit(&self, model: &'static PrintedModel) -> Result<InsideFit, PaperError> {
         let torques = self.torques.par_iter().map(|joint| fit_by_both_protocols(joint, model.law));
-        let torques: Vec<TorqueStudy> = torques.collect::<Result<_, String>>()?;
+        let torques: Vec<TorqueStudy> = torques.collect::<Result<_, PaperError>>()?;
         let fitted = fit_properly(model, &self.train, &torques, &self.extent);
         let rmse = |courses: &[Course]| -> [f64; JOINTS] {
             let (mut squares, mut rows) = ([0.0; JOINTS], 0usize);
             for course in courses {
                 let errors = evaluate(&ARM, course, &fitted.parameters, fitted.deflection_rad);
-                squares.iter_mut().zip(errors.sse_deg2).for_each(|(sum, own)| *sum += own);
+                squares.iter_mut().zip(errors.sse_deg2).for_each(|(sum, error)| *sum += error);
                 rows += course.angles_rad[0].len();
             }
             squares.map(|sum| (sum / rows as f64).sqrt())
@@ -136,19 +133,22 @@ impl ArmLog {
 }
 
 /// Returns a run of all joints.
-fn course(joints: &[(String, &Dataset)], name: &str) -> Result<Course, String> {
+fn course(joints: &[(String, &Dataset)], name: &str) -> Result<Course, PaperError> {
     let mut angles_rad: [Vec<f64>; JOINTS] = Default::default();
     let mut pressures_pa: [[Vec<f64>; 2]; JOINTS] = Default::default();
     let mut times: Vec<&[f64]> = Vec::new();
     for (at, (joint, data)) in joints.iter().enumerate() {
-        let wanting = |what: &str| format!("joint {joint}: run {name}: found no {what}");
-        let run = data.runs.iter().find(|run| run.name == name).ok_or_else(|| wanting("rows"))?;
-        angles_rad[at] =
-            run.get(Quantity::Position).ok_or_else(|| wanting("position_rad"))?.to_vec();
+        let lacks = |missing: &str| PaperError::Missing {
+            joint: joint.clone(),
+            run: name.to_owned(),
+            missing: missing.to_owned(),
+        };
+        let run = data.runs.iter().find(|run| run.name == name).ok_or_else(|| lacks("rows"))?;
+        angles_rad[at] = run.get(Quantity::Position).ok_or_else(|| lacks("position_rad"))?.to_vec();
         for (side, column) in PRESSURES.iter().enumerate() {
-            let place = data.covariates.iter().position(|own| own == column);
+            let place = data.covariates.iter().position(|known| known == column);
             let values =
-                place.and_then(|place| run.extra.get(place)).ok_or_else(|| wanting(column))?;
+                place.and_then(|place| run.extra.get(place)).ok_or_else(|| lacks(column))?;
             pressures_pa[at][side].clone_from(values);
         }
         times.push(&run.time_s);
@@ -156,23 +156,17 @@ fn course(joints: &[(String, &Dataset)], name: &str) -> Result<Course, String> {
     let time_s = times[0];
     let rows = time_s.len();
     if let Some((joint, other)) = joints.iter().zip(&times).find(|(_, other)| other.len() != rows) {
-        let (joint, found) = (&joint.0, other.len());
-        return Err(format!(
-            "run {name}: found {found} rows of joint {joint}, expected {rows} as of the first"
-        ));
+        return Err(PaperError::UnequalRows(name.into(), other.len(), joint.0.clone(), rows));
     }
     if rows < 2 {
-        return Err(format!("run {name}: found {rows} rows, expected two or more"));
+        return Err(PaperError::ShortRun(name.into(), rows));
     }
     let period_s = (time_s[rows - 1] - time_s[0]) / (rows - 1) as f64;
     let uneven =
         |pair: &[f64]| (pair[1] - pair[0] - period_s).abs() > MAX_PERIOD_DEVIATION * period_s;
     if let Some(row) = time_s.windows(2).position(uneven) {
-        let step = time_s[row + 1] - time_s[row];
-        return Err(format!(
-            "run {name}, row {}: found a step of {step:.6} s, expected {period_s:.6} s: a trajectory is simulated in even steps",
-            row + 2
-        ));
+        let step_s = time_s[row + 1] - time_s[row];
+        return Err(PaperError::UnevenSteps { run: name.into(), row: row + 2, step_s, period_s });
     }
     let start_rad = std::array::from_fn(|at| angles_rad[at][0]);
     Ok(Course {
@@ -183,7 +177,7 @@ fn course(joints: &[(String, &Dataset)], name: &str) -> Result<Course, String> {
 }
 
 /// Keeps every `stride`-th row of motion and torque.
-fn decimate_rows(data: &Dataset, stride: usize) -> Result<Dataset, String> {
+fn decimate_rows(data: &Dataset, stride: usize) -> Result<Dataset, PaperError> {
     let names = ["time_s", "velocity_rad_s", "torque_nm", "position_rad"].map(str::to_owned);
     let runs = data.runs.iter().map(|run| {
         let position = run.get(Quantity::Position).unwrap_or_default();
@@ -191,5 +185,5 @@ fn decimate_rows(data: &Dataset, stride: usize) -> Result<Dataset, String> {
         let thin = |column: &[f64]| column.iter().step_by(stride).copied().collect();
         (run.name.clone(), columns.into_iter().map(thin).collect::<Vec<Vec<f64>>>())
     });
-    Dataset::from_columns(&names, runs).map_err(|error| error.to_string())
+    Dataset::from_columns(&names, runs).map_err(PaperError::source)
 }

@@ -165,8 +165,9 @@ pub fn proper_free(law: LawKind) -> Vec<FreeValue> {
             None => plain(0.01, (-0.2, 0.2)),
         }
     };
-    let own = law.parameters().contains(&Id::TorqueOffset);
-    let offsets = (0..JOINTS).filter(|_| !own).map(|joint| of(joint, Some(Id::TorqueOffset)));
+    let has_offset = law.parameters().contains(&Id::TorqueOffset);
+    let offsets =
+        (0..JOINTS).filter(|_| !has_offset).map(|joint| of(joint, Some(Id::TorqueOffset)));
     each(law, of).into_iter().chain(offsets).collect()
 }
 

@@ -7,6 +7,7 @@
 use super::printed::MODELS;
 use super::study::{TorqueStudy, fit_by_both_protocols};
 use super::torques::Joint;
+use crate::PaperError;
 use crate::measured_file;
 use friction_fit::spec::parse_rigid_body;
 use joint_log::{ReadOptions, read};
@@ -28,16 +29,17 @@ pub const HELD_OUT: &str = "C";
 ///
 /// # Errors
 /// Returns one line if an existing file cannot be read or fitted.
-pub fn axes(folder: &Path) -> Result<Vec<Option<RobotAxis>>, String> {
-    let rigid_body = parse_rigid_body("inertia,load,offset").map_err(|error| error.to_string())?;
+pub fn axes(folder: &Path) -> Result<Vec<Option<RobotAxis>>, PaperError> {
+    let rigid_body = parse_rigid_body("inertia,load,offset").map_err(PaperError::source)?;
     let axis = |number: usize| {
         let Some(file) = measured_file(folder, &format!("robot-axis{number}.csv")) else {
             return Ok(None);
         };
-        let data = read(&[file], &ReadOptions::default(), &|_, _| {}).map_err(|e| e.to_string())?;
+        let data =
+            read(&[file], &ReadOptions::default(), &|_, _| {}).map_err(PaperError::source)?;
         let joint = Joint::new(data, &[HELD_OUT], &rigid_body)?;
         let models = MODELS.par_iter().map(|model| fit_by_both_protocols(&joint, model.law));
-        Ok(Some(RobotAxis { number, models: models.collect::<Result<_, String>>()? }))
+        Ok(Some(RobotAxis { number, models: models.collect::<Result<_, PaperError>>()? }))
     };
     (1..=3).map(axis).collect()
 }

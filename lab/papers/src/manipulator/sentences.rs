@@ -292,9 +292,9 @@ fn lugre_sentences(
         let stiffness =
             |parameters: &Parameters<f64>| significant(parameters.get(Id::BristleStiffness), 3);
         let lugre_error = |way: Way| significant(held_out_errors(studies, way, joint)[lugre], 3);
-        let [own, torques_own] =
+        let [by_angles, by_torques] =
             [PROPER, BY_TORQUES].map(|way| held_out_errors(studies, way, joint)[lugre]);
-        let why = if torques_own < own {
+        let why = if by_torques < by_angles {
             "one course of angles does not determine its bristle"
         } else {
             "neither the values from angles nor those from torques follow it on unseen courses"
@@ -336,8 +336,8 @@ pub fn fit_checks(studies: &[ModelStudy], courses: &[Course]) -> Vec<String> {
         ] {
             let whose = format!("{}, ours fitted {way}", study.model.name);
             let symbol = |id: Option<Id>| {
-                let own = study.model.coefficients.iter().find(|of| of.id == id);
-                own.map_or("f_0", |of| of.symbol)
+                let coefficient = study.model.coefficients.iter().find(|of| of.id == id);
+                coefficient.map_or("f_0", |of| of.symbol)
             };
             let fitted = &evaluated.fitted;
             // A proper fit has several starts, so that only bounds are checked.

@@ -5,6 +5,7 @@ use super::bounded::SearchOptions;
 use super::fit::{self, ArmFit, Course, CourseErrors, Fitted, evaluate};
 use super::printed::{MODELS, PrintedModel};
 use super::torques::{Joint, TorqueFit};
+use crate::PaperError;
 use ParameterId as Id;
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use friction_fit::Outcome;
@@ -100,7 +101,7 @@ pub struct TorqueStudy {
 pub fn courses(campaign: &Campaign, how: &Recording) -> Vec<Course> {
     let of = |(index, run): (usize, &Averaged)| {
         let column = |joint: usize, name: &str| {
-            let at = COLUMNS.iter().position(|own| *own == name);
+            let at = COLUMNS.iter().position(|known| *known == name);
             run.joints[joint][at.unwrap_or_else(|| unreachable!("a column of the arm"))].clone()
         };
         let angles_rad: [Vec<f64>; JOINTS] = std::array::from_fn(|i| column(i, "position_rad"));
@@ -120,22 +121,25 @@ pub fn courses(campaign: &Campaign, how: &Recording) -> Vec<Course> {
 ///
 /// # Errors
 /// Returns one line if a log cannot be fitted.
-pub fn fit_torques(campaign: &Campaign, stride: usize) -> Result<Vec<Vec<TorqueStudy>>, String> {
+pub fn fit_torques(
+    campaign: &Campaign,
+    stride: usize,
+) -> Result<Vec<Vec<TorqueStudy>>, PaperError> {
     let names: Vec<String> =
         std::iter::once("time_s").chain(COLUMNS).take(4).map(str::to_owned).collect();
     let joints: Vec<Joint> = (0..JOINTS)
         .map(|joint| {
             let runs = campaign.runs.iter().enumerate().map(|(index, run)| {
                 let thin = |column: &Vec<f64>| column.iter().step_by(stride).copied().collect();
-                let own = run.joints[joint].iter().take(3);
-                (index.to_string(), std::iter::once(&run.time_s).chain(own).map(thin).collect())
+                let columns = run.joints[joint].iter().take(3);
+                (index.to_string(), std::iter::once(&run.time_s).chain(columns).map(thin).collect())
             });
-            let data = Dataset::from_columns(&names, runs).map_err(|error| error.to_string())?;
+            let data = Dataset::from_columns(&names, runs).map_err(PaperError::source)?;
             let others: Vec<String> = (1..campaign.runs.len()).map(|i| i.to_string()).collect();
             let others: Vec<&str> = others.iter().map(String::as_str).collect();
             Joint::new(data, &others, &[])
         })
-        .collect::<Result<_, String>>()?;
+        .collect::<Result<_, PaperError>>()?;
     MODELS
         .par_iter()
         .map(|model| joints.iter().map(|joint| fit_by_both_protocols(joint, model.law)).collect())
@@ -146,7 +150,7 @@ pub fn fit_torques(campaign: &Campaign, stride: usize) -> Result<Vec<Vec<TorqueS
 ///
 /// # Errors
 /// Returns one line if the model has too many terms.
-pub fn fit_by_both_protocols(joint: &Joint, law: LawKind) -> Result<TorqueStudy, String> {
+pub fn fit_by_both_protocols(joint: &Joint, law: LawKind) -> Result<TorqueStudy, PaperError> {
     let rigid_body = joint.fit_properly(LawKind::Linear)?.parameters;
     Ok(TorqueStudy {
         printed: joint.fit_as_printed(law, &rigid_body, PRINTED_SEARCH)?,

@@ -17,8 +17,8 @@ pub fn angle_rows(
 ) -> Vec<ResultRow> {
     let mut rows = Vec::new();
     for (index, study) in studies.iter().enumerate() {
-        let own: Vec<[f64; JOINTS]> = repeats.iter().map(|campaign| campaign[index]).collect();
-        rows.extend(errors(study, courses, &own));
+        let of_model: Vec<[f64; JOINTS]> = repeats.iter().map(|campaign| campaign[index]).collect();
+        rows.extend(errors(study, courses, &of_model));
         rows.extend(coefficients(study));
     }
     rows
@@ -124,8 +124,8 @@ fn coefficients(study: &ModelStudy) -> Vec<ResultRow> {
                 rows.push(if way == "as printed" { row.printed(of.values[joint]) } else { row });
             }
         }
-        let own = model.coefficients.iter().any(|of| of.id == Some(Id::TorqueOffset));
-        if !own {
+        let has_offset = model.coefficients.iter().any(|of| of.id == Some(Id::TorqueOffset));
+        if !has_offset {
             let offset = study.proper.fitted.parameters[joint].get(Id::TorqueOffset);
             let name = format!("f_0, joint {}", joint + 1);
             rows.push(ResultRow::simulated(

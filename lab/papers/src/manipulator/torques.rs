@@ -5,6 +5,7 @@
 
 use super::bounded::{NormalEquations, NormalSums, SearchOptions, search};
 use super::fit::{PRINTED_BOUNDS, PRINTED_START};
+use crate::PaperError;
 use compensator_core::TermKind;
 use compensator_core::{LawKind, Parameters};
 use friction_fit::spec::Spec;
@@ -40,7 +41,11 @@ impl Joint {
     ///
     /// # Errors
     /// Returns one line if either part has no rows.
-    pub fn new(data: Dataset, held_out: &[&str], rigid_body: &[TermKind]) -> Result<Self, String> {
+    pub fn new(
+        data: Dataset,
+        held_out: &[&str],
+        rigid_body: &[TermKind],
+    ) -> Result<Self, PaperError> {
         let data = check(data, Corrections::default()).data;
         let start = campaign_start(&data);
         let part = |wanted: bool| {
@@ -50,9 +55,7 @@ impl Joint {
         };
         let (train, test) = (part(false), part(true));
         if train.is_empty() || test.is_empty() {
-            return Err(
-                "no unbroken stretch of two rows or more to fit, or none to evaluate".into()
-            );
+            return Err(PaperError::NoRows);
         }
         Ok(Self { train, test, rigid_body: rigid_body.to_vec() })
     }
@@ -69,12 +72,12 @@ impl Joint {
     ///
     /// # Errors
     /// Returns one line if the model has too many terms.
-    pub fn fit_properly(&self, law: LawKind) -> Result<Outcome, String> {
+    pub fn fit_properly(&self, law: LawKind) -> Result<Outcome, PaperError> {
         let spec = Spec::law(law).on(&self.rigid_body);
-        let base = spec.parameters().map_err(|error| error.to_string())?;
+        let base = spec.parameters().map_err(PaperError::source)?;
         let options = FitOptions { passive: true, ..FitOptions::default() };
         identify(&spec, &base, self.train_rows(), self.test_rows(), &options)
-            .map_err(|error| error.to_string())
+            .map_err(PaperError::source)
     }
 
     /// Fits by the paper's protocol. The rigid-body terms keep the values of a proper fit of the linear law, because the paper
@@ -87,18 +90,18 @@ impl Joint {
         law: LawKind,
         rigid_body: &Parameters<f64>,
         how: SearchOptions,
-    ) -> Result<TorqueFit, String> {
+    ) -> Result<TorqueFit, PaperError> {
         let spec = Spec::law(law).on(&self.rigid_body);
-        let mut base = spec.parameters().map_err(|error| error.to_string())?;
-        let own = law.parameters();
-        let known: Vec<_> = base.active().filter(|id| !own.contains(id)).collect();
+        let mut base = spec.parameters().map_err(PaperError::source)?;
+        let fitted = law.parameters();
+        let known: Vec<_> = base.active().filter(|id| !fitted.contains(id)).collect();
         known.into_iter().for_each(|id| base.set(id, rigid_body.get(id)));
         base.choices.printed_extended = true;
         base.envelope.velocity_max_rad_s = f32::MAX;
         let at = |point: &[f64]| self.normal(law, &base, point);
-        let start = vec![PRINTED_START; own.len()];
-        let end = search(&start, &vec![PRINTED_BOUNDS; own.len()], how, at);
-        own.iter().zip(&end.point).for_each(|(id, value)| base.set(*id, *value));
+        let start = vec![PRINTED_START; fitted.len()];
+        let end = search(&start, &vec![PRINTED_BOUNDS; fitted.len()], how, at);
+        fitted.iter().zip(&end.point).for_each(|(id, value)| base.set(*id, *value));
         let metrics = |rows: Rows| predict(&base, rows, Resolution::PLAIN).metrics;
         let (train, test) = (metrics(self.train_rows()), metrics(self.test_rows()));
         Ok(TorqueFit { train, test, parameters: base })

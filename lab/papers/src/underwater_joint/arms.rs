@@ -11,6 +11,7 @@
 //! | perfect | - the plant's own friction, from an ideal actuator at the same share and current limit |
 
 use super::campaign::BenchRuns;
+use crate::PaperError;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
 use compensator_core::{LawKind, Parameters};
@@ -79,14 +80,14 @@ pub fn driver_set(model: Parameters<f32>, share: f64) -> ParameterSet {
     set
 }
 
-fn fit_arm(name: &'static str, spec: &str, data: &[&Dataset]) -> Result<DriverArm, String> {
-    let spec = Spec::parse(spec).map_err(|error| error.to_string())?;
+fn fit_arm(name: &'static str, spec: &str, data: &[&Dataset]) -> Result<DriverArm, PaperError> {
+    let spec = Spec::parse(spec).map_err(PaperError::source)?;
     let tracks: Vec<_> = data.iter().flat_map(|data| tracks(data)).collect();
     let rows = Rows { tracks: &tracks, decimate: 1 };
     // A joint driver requires a passive law.
     let options = FitOptions { passive: true, starts: 2, ..FitOptions::default() };
-    let parameters = spec.parameters().map_err(|error| error.to_string())?;
-    let fit = identify(&spec, &parameters, rows, rows, &options).map_err(|e| e.to_string())?;
+    let parameters = spec.parameters().map_err(PaperError::source)?;
+    let fit = identify(&spec, &parameters, rows, rows, &options).map_err(PaperError::source)?;
     Ok(arm_from_fit(name, fit))
 }
 
@@ -99,16 +100,16 @@ fn arm_from_fit(name: &'static str, fit: Outcome) -> DriverArm {
 }
 
 /// Diagnoses the runs with a third of them held out once. Leaving every run out once would take minutes.
-fn diagnose_bench_runs(data: &Dataset) -> Result<Diagnosis, String> {
+fn diagnose_bench_runs(data: &Dataset) -> Result<Diagnosis, PaperError> {
     let checked = log_check::check(data.clone(), Corrections::default());
-    let parts = split(&checked.data, &SplitRule::default(), 0).map_err(|e| e.to_string())?;
+    let parts = split(&checked.data, &SplitRule::default(), 0).map_err(PaperError::source)?;
     let question =
         DiagnosisOptions { log_findings: checked.findings, ..DiagnosisOptions::default() };
-    diagnose(&checked.data, &parts, &question, &|_| {}).map_err(|e| e.to_string())
+    diagnose(&checked.data, &parts, &question, &|_| {}).map_err(PaperError::source)
 }
 
 /// Returns the diagnosed model for the driver, refitted as passive if it is active.
-fn diagnosed_arm(diagnosis: &Diagnosis, data: &Dataset) -> Result<DriverArm, String> {
+fn diagnosed_arm(diagnosis: &Diagnosis, data: &Dataset) -> Result<DriverArm, PaperError> {
     let found = diagnosis.transferable_model();
     if !found.parameters.choices.allow_active {
         return Ok(arm_from_fit(DIAGNOSED, found));
@@ -128,7 +129,7 @@ fn diagnosed_arm(diagnosis: &Diagnosis, data: &Dataset) -> Result<DriverArm, Str
     let follows = diagnosis.auxiliary.as_deref();
     let tracks = friction_fit::tracks_with(data, follows);
     let rows = Rows { tracks: &tracks, decimate: 1 };
-    let fit = identify(&found.spec, &start, rows, rows, &options).map_err(|e| e.to_string())?;
+    let fit = identify(&found.spec, &start, rows, rows, &options).map_err(PaperError::source)?;
     Ok(arm_from_fit(DIAGNOSED, fit))
 }
 
@@ -136,7 +137,7 @@ fn diagnosed_arm(diagnosis: &Diagnosis, data: &Dataset) -> Result<DriverArm, Str
 ///
 /// # Errors
 /// Returns one line if a fit or the diagnosis fails.
-pub fn arms(campaign: &BenchRuns) -> Result<(Vec<DriverArm>, Diagnosis), String> {
+pub fn arms(campaign: &BenchRuns) -> Result<(Vec<DriverArm>, Diagnosis), PaperError> {
     let plain = || driver_set(Parameters::new(LawKind::Lugre), 0.0);
     let all = &campaign.all;
     let jobs: [(&'static str, &str, &Dataset); 4] = [
@@ -148,7 +149,7 @@ pub fn arms(campaign: &BenchRuns) -> Result<(Vec<DriverArm>, Diagnosis), String>
     let (fits, diagnosis) = rayon::join(
         || {
             let fits = jobs.par_iter().map(|(name, spec, data)| fit_arm(name, spec, &[data]));
-            fits.collect::<Result<Vec<DriverArm>, String>>()
+            fits.collect::<Result<Vec<DriverArm>, PaperError>>()
         },
         || diagnose_bench_runs(&campaign.diagnosed),
     );

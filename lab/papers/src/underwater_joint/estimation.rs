@@ -50,8 +50,8 @@ pub fn errors(arm: &Outcome, held_out: &Dataset) -> [Spread; 3] {
         .collect();
     SPEEDS_RPM.map(|rpm| {
         let at = |curves: &[Curves]| {
-            let own = curves.iter().filter(|of| of.rpm == rpm && !of.measured.is_empty());
-            let errors: Vec<f64> = own.map(Curves::error_percent).collect();
+            let at_speed = curves.iter().filter(|of| of.rpm == rpm && !of.measured.is_empty());
+            let errors: Vec<f64> = at_speed.map(Curves::error_percent).collect();
             Spread::of(&errors).mean
         };
         let scatter: Vec<f64> =
@@ -81,13 +81,13 @@ pub fn curves(
             continue;
         }
         let way = track.samples.last().map_or(1.0, |sample| sample.velocity_rad_s.signum());
-        let (own, runs) = &mut all[kind];
-        own.measured.resize(track.torque.len(), 0.0);
-        own.estimated.resize(track.torque.len(), 0.0);
+        let (sums, runs) = &mut all[kind];
+        sums.measured.resize(track.torque.len(), 0.0);
+        sums.estimated.resize(track.torque.len(), 0.0);
         *runs += 1;
         for (row, (is, model)) in track.torque.iter().zip(torque).enumerate() {
-            own.measured[row] += way * is;
-            own.estimated[row] += way * model;
+            sums.measured[row] += way * is;
+            sums.estimated[row] += way * model;
         }
     }
     let mean = |(mut curves, runs): (Curves, usize)| {

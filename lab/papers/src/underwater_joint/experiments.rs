@@ -5,6 +5,7 @@
 use super::arms::DriverArm;
 use super::measures::{self, Spread};
 use super::tasks::{Conditions, Course, Task, run};
+use crate::PaperError;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -82,7 +83,7 @@ pub fn run_experiment(
     arms: &[DriverArm],
     joint: &Conditions,
     seeds: u64,
-) -> Result<Vec<TaskResult>, String> {
+) -> Result<Vec<TaskResult>, PaperError> {
     let each = |arm: &DriverArm| {
         let days: Vec<u64> = (0..seeds).collect();
         let courses = days.into_par_iter().map(|seed| {
@@ -91,7 +92,7 @@ pub fn run_experiment(
             Ok((values, (seed == 0).then_some(course.clone()), course.stopped))
         });
         let courses: Vec<(Vec<f64>, Option<Course>, bool)> =
-            courses.collect::<Result<_, String>>().map_err(|why| format!("{}: {why}", arm.name))?;
+            courses.collect::<Result<_, PaperError>>().map_err(|error| error.of(arm.name))?;
         Ok(TaskResult {
             arm: arm.name,
             values: (0..measures(task).len())

@@ -12,7 +12,7 @@ use joint_log::number::significant;
 /// Compares the sums of CV of the published, the improved and the diagnosed model with the paper's.
 pub fn certificates(study: &JointStudy) -> Option<String> {
     let sums = |arm| {
-        let of = study.certificates.iter().find(|(own, _)| *own == arm);
+        let of = study.certificates.iter().find(|(known, _)| *known == arm);
         of.map(|(_, certificate)| certificate.sum_cv_by_class.as_slice())
     };
     let list = |sums: &[f64]| {
@@ -209,8 +209,11 @@ fn explain_jump(study: &JointStudy) -> String {
         Some([found.tracking_ratio?[2], found.jump_position_ratio?])
     };
     let time = |arm| study.measured(Task::Impact, arm, 0).map(|of| significant(of.mean, 3));
-    let course =
-        &study.task(Task::Impact).iter().find(|own| own.arm == DIAGNOSED).map(|own| &own.course);
+    let course = &study
+        .task(Task::Impact)
+        .iter()
+        .find(|result| result.arm == DIAGNOSED)
+        .map(|result| &result.course);
     let at_limit = course.map_or(0, |course| {
         course.current_a.iter().filter(|current| current.abs() > LIMITED_CURRENT_A).count()
     });

@@ -57,7 +57,7 @@ fn goal(what: String, printed: f64, of: impl Fn(&str) -> Option<Spread>) -> Opti
     if base.mean <= 0.0 {
         return None;
     }
-    let drop = |own: Spread| 100.0 * (own.mean / base.mean - 1.0);
+    let drop = |spread: Spread| 100.0 * (spread.mean / base.mean - 1.0);
     let perfect = of(PERFECT);
     Some(ReductionGoal {
         what,

@@ -8,6 +8,7 @@
 use super::arms::{COMPENSATED_SHARE, DriverArm, PERFECT};
 use super::measures::{hold_swing_rad, position_rmse_rad, velocity_rmse_rad_s};
 use super::tasks::{Conditions, Course, Task, run};
+use crate::PaperError;
 use compensator_core::ParameterId as Id;
 use joint_rig::{RigFaults, SealSensorFault};
 use rayon::prelude::*;
@@ -200,12 +201,12 @@ fn evaluate_case(
         let [lift, tracks, jumps] = TASKS.map(of);
         Some([lift?, tracks?, jumps?, of(Task::Hold)?])
     };
-    let own;
+    let measured;
     let uncompensated = if conditions == *joint {
         same
     } else {
-        own = Uncompensated::measure(none, &conditions);
-        own.as_ref()
+        measured = Uncompensated::measure(none, &conditions);
+        measured.as_ref()
     };
     let (Some(courses), Some(uncompensated)) = (courses(), uncompensated) else { return refused };
     let largest =
@@ -246,23 +247,23 @@ pub fn simulate_wear(
     joint: &Conditions,
     every: u32,
     sound_days: u64,
-) -> Result<WearCampaign, String> {
+) -> Result<WearCampaign, PaperError> {
     const LAST_DAY: u32 = 60;
     let days: Vec<u32> = (0..=LAST_DAY).step_by(every.max(1) as usize).collect();
     let out = |conditions: &Conditions| {
         run(Task::VelocityTracking, arm, conditions).map(|course| course.out_of_band_s.is_some())
     };
     let worn = days.par_iter().map(|day| {
-        let own =
+        let of_day =
             super::experiments::conditions_of_day(joint, joint.seed.wrapping_add(u64::from(*day)));
-        out(&Conditions { wear: 1.0 + 0.01 * f64::from(*day), ..own })
+        out(&Conditions { wear: 1.0 + 0.01 * f64::from(*day), ..of_day })
     });
-    let worn: Vec<bool> = worn.collect::<Result<_, String>>()?;
+    let worn: Vec<bool> = worn.collect::<Result<_, PaperError>>()?;
     let sound: Vec<u64> = (0..sound_days).collect();
     let sound = sound.par_iter().map(|day| {
         out(&super::experiments::conditions_of_day(joint, joint.seed.wrapping_add(500 + day)))
     });
-    let sound: Vec<bool> = sound.collect::<Result<_, String>>()?;
+    let sound: Vec<bool> = sound.collect::<Result<_, PaperError>>()?;
     Ok(WearCampaign {
         flagged_day: days.iter().zip(&worn).find(|(_, out)| **out).map(|(day, _)| *day),
         last_day: LAST_DAY,

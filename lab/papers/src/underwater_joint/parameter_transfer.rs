@@ -9,6 +9,7 @@ use super::arms::DriverArm;
 use super::experiments::{conditions_of_day, measures};
 use super::measures::{Spread, velocity_error_rpm};
 use super::tasks::{Conditions, Course, Task, joint, master, run};
+use crate::PaperError;
 use compensator_core::can::NodeId;
 use joint_bus::bus::Bus;
 use joint_bus::canopen::Client;
@@ -52,7 +53,7 @@ pub fn transfer_in_all_tasks(
     after: &DriverArm,
     conditions: &Conditions,
     seeds: u64,
-) -> Result<Vec<TransferResult>, String> {
+) -> Result<Vec<TransferResult>, PaperError> {
     TASKS.into_iter().map(|task| transfer_in_task(task, before, after, conditions, seeds)).collect()
 }
 
@@ -62,23 +63,23 @@ fn transfer_in_task(
     after: &DriverArm,
     conditions: &Conditions,
     seeds: u64,
-) -> Result<TransferResult, String> {
+) -> Result<TransferResult, PaperError> {
     let days: Vec<u64> = (0..seeds).collect();
     let runs = days.into_par_iter().map(|seed| {
-        let own = conditions_of_day(conditions, conditions.seed.wrapping_add(seed));
-        let plant = joint(task, &own);
-        run_armed(&before.set, plant, own.faults, |rig| {
-            run_before_and_after(rig, task, after, own.max_duration_s)
-        })?
+        let of_day = conditions_of_day(conditions, conditions.seed.wrapping_add(seed));
+        let plant = joint(task, &of_day);
+        let run =
+            |rig: &mut JointRig| run_before_and_after(rig, task, after, of_day.max_duration_s);
+        run_armed(&before.set, plant, of_day.faults, run).map_err(PaperError::source)?
     });
-    let runs: Vec<Run> = runs.collect::<Result<_, String>>()?;
+    let runs: Vec<Run> = runs.collect::<Result<_, PaperError>>()?;
     let measure = measures(task)[0].of;
     let of = |at: usize| {
         let values: Vec<f64> = runs.iter().map(|run| measure(&run.courses[at])).collect();
         Spread::of(&values)
     };
     let (before, after) = (of(0), of(1));
-    let first = runs.into_iter().next().ok_or("no seeds")?;
+    let first = runs.into_iter().next().ok_or(PaperError::NoSeeds)?;
     let Run { courses, written_s, frames } = first;
     Ok(TransferResult { task, before, after, courses, written_s, frames })
 }
@@ -88,11 +89,11 @@ fn run_before_and_after(
     task: Task,
     after: &DriverArm,
     max_duration_s: f64,
-) -> Result<Run, String> {
+) -> Result<Run, PaperError> {
     let start_rad = rig.plant().position_rad();
     let first = master(rig, task, max_duration_s);
     let (written_s, frames) = replace_parameters(rig, after, start_rad)?;
-    rig.arm(start_rad)?;
+    rig.arm(start_rad).map_err(PaperError::source)?;
     Ok(Run { courses: [first, master(rig, task, max_duration_s)], written_s, frames })
 }
 
@@ -102,11 +103,10 @@ fn replace_parameters(
     rig: &mut JointRig,
     arm: &DriverArm,
     start_rad: f64,
-) -> Result<(f64, u64), String> {
-    let words = |error: joint_bus::parameters::ParametersError| error.to_string();
+) -> Result<(f64, u64), PaperError> {
     let mut client = Client::new(RigBus::new(rig), NodeId::FIRST);
     if write_set(&mut client, &arm.set).is_ok() {
-        return Err("an armed driver took parameters".into());
+        return Err(PaperError::TookParameters);
     }
     drop(client);
     rig.request_state(0);
@@ -116,12 +116,12 @@ fn replace_parameters(
     (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
     let mut client = Client::new(RigBus::new(rig), NodeId::FIRST);
     let begin_ns = client.bus().now_ns();
-    let active = write_set(&mut client, &arm.set).map_err(words)?;
+    let active = write_set(&mut client, &arm.set).map_err(PaperError::source)?;
     let written_s = 1e-9 * (client.bus().now_ns() - begin_ns) as f64;
     let counted = client.bus().counters();
-    let holds = read_set(&mut client).map_err(words)?;
+    let holds = read_set(&mut client).map_err(PaperError::source)?;
     if holds.crc() != active || holds.emit() != arm.set.emit() {
-        return Err("the driver reads back another set".into());
+        return Err(PaperError::ReadsBack);
     }
     Ok((written_s, counted.sent + counted.received))
 }
@@ -143,7 +143,7 @@ pub fn measure_round_seal(
     ours: &DriverArm,
     perfect: &DriverArm,
     joint: &Conditions,
-) -> Result<RoundSealErrors, String> {
+) -> Result<RoundSealErrors, PaperError> {
     let mut parameters = joint.parameters;
     (parameters.eccentricity, parameters.out_of_round) = (0.0, 0.0);
     let even = Conditions { parameters, ..*joint };

@@ -63,7 +63,7 @@ pub fn digest(rows: &[ResultRow], arms: &[DriverArm]) -> Table {
 pub fn rows(study: &JointStudy) -> Vec<ResultRow> {
     let mut rows = Vec::new();
     let of = |table: &[(&str, [f64; 3])], arm: &str, at: usize| {
-        table.iter().find(|(own, _)| *own == arm).map(|(_, values)| values[at])
+        table.iter().find(|(known, _)| *known == arm).map(|(_, values)| values[at])
     };
     for (arm, errors) in &study.errors {
         for (at, (rpm, error)) in SPEEDS_RPM.iter().zip(errors).enumerate() {
@@ -111,8 +111,8 @@ pub fn rows(study: &JointStudy) -> Vec<ResultRow> {
 
 /// CV in the paper's form of each parameter of an arm, `[class][parameter]`: variance over mean, in the parameter's unit.
 fn in_print(study: &JointStudy, arm: &str) -> Option<Vec<Vec<f64>>> {
-    let certificate = &study.certificates.iter().find(|(own, _)| *own == arm)?.1;
-    let fit = study.arms.iter().find(|own| own.name == arm)?.fit.as_ref()?;
+    let certificate = &study.certificates.iter().find(|(known, _)| *known == arm)?.1;
+    let fit = study.arms.iter().find(|known| known.name == arm)?.fit.as_ref()?;
     let form = Form::PrintedVarianceOverMean;
     let class = |at: usize| {
         let each = certificate.parameters.iter().zip(&certificate.cv);
@@ -136,12 +136,12 @@ fn printed_form(study: &JointStudy) -> Vec<ResultRow> {
         for (at, (class, values)) in certificate.classes.iter().zip(&classes).enumerate() {
             for (id, value) in certificate.parameters.iter().zip(values) {
                 let row = ResultRow::simulated(&table, id.name(), class, id.unit(), *value);
-                let plain = TABLE_III.iter().find(|(own, _)| own == id && *arm == PUBLISHED);
+                let plain = TABLE_III.iter().find(|(known, _)| known == id && *arm == PUBLISHED);
                 rows.push(plain.map_or(row.clone(), |(_, all)| row.printed(all[at.min(2)])));
             }
             let table = "sum of CV as printed (variance over mean)";
             let row = ResultRow::simulated(table, arm, class, "", values.iter().sum());
-            let printed = PRINTED_SUMS.iter().find(|(own, _)| own == arm);
+            let printed = PRINTED_SUMS.iter().find(|(known, _)| known == arm);
             sums.push(printed.map_or(row.clone(), |(_, all)| row.printed(all[at.min(2)])));
         }
     }

@@ -7,6 +7,7 @@
 //! otherwise the lag of the loop would hide differences between good friction models.
 
 use super::arms::DriverArm;
+use crate::PaperError;
 use firmware::supervisor::Code;
 use joint_rig::{JointRig, RigFaults, run_armed};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters, load};
@@ -162,15 +163,15 @@ impl Task {
         reference: &BoundSide,
         position: f64,
     ) -> f64 {
-        let own = inertia * reference.acceleration;
+        let of_inertia = inertia * reference.acceleration;
         let arm = p.leg_length_m * position.cos();
         match self {
-            Self::VelocityTracking => own,
-            Self::LowSpeed | Self::Hold => own + p.leg_weight_n * arm,
+            Self::VelocityTracking => of_inertia,
+            Self::LowSpeed | Self::Hold => of_inertia + p.leg_weight_n * arm,
             // The foot only pushes.
             Self::Impact => {
                 let push = p.platform_mass_kg * arm * reference.acceleration + p.platform_weight_n;
-                own + push.max(0.0) * arm
+                of_inertia + push.max(0.0) * arm
             }
         }
     }
@@ -257,7 +258,7 @@ pub fn joint(task: Task, conditions: &Conditions) -> JointPlant {
 ///
 /// # Errors
 /// Returns one line if the driver rejects the arm's parameters or does not arm.
-pub fn run(task: Task, arm: &DriverArm, conditions: &Conditions) -> Result<Course, String> {
+pub fn run(task: Task, arm: &DriverArm, conditions: &Conditions) -> Result<Course, PaperError> {
     let mut plant = joint(task, conditions);
     if let Some(share) = arm.perfect {
         // At the driver's current limit the perfect model has no current left either.
@@ -266,9 +267,8 @@ pub fn run(task: Task, arm: &DriverArm, conditions: &Conditions) -> Result<Cours
             p.motor_torque_constant_nm_per_a * (1.0 + p.torque_constant_error) * p.gear_ratio;
         plant.cancel_friction(share, MAX_CURRENT_A * per_ampere);
     }
-    run_armed(&arm.set, plant, conditions.faults, |rig| {
-        master(rig, task, conditions.max_duration_s)
-    })
+    let work = |rig: &mut JointRig| master(rig, task, conditions.max_duration_s);
+    run_armed(&arm.set, plant, conditions.faults, work).map_err(PaperError::source)
 }
 
 /// Returns the nominal inertia for the design of the loops, from the machine's table.
