@@ -14,7 +14,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use simulated_machines::friction::{Seal, Surroundings};
+use simulated_machines::friction::Seal;
 use simulated_machines::{Recording, record};
 use std::f64::consts::TAU;
 use stochastic_extension::{Certificate, Form, MAX_CV, Settings, certify, reading};

@@ -5,7 +5,7 @@ use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, Track, fit, tracks};
 use friction_grading::calibrated_rule::certify_calibrated;
 use joint_rig::simulated;
-use simulated_machines::scenarios::{Kind, draw};
+use simulated_machines::scenarios::draw;
 use simulated_machines::{Recording, record};
 use stochastic_extension::Settings;
 
@@ -18,7 +18,7 @@ fn fitted(tracks: &[Track]) -> Parameters<f64> {
 
 #[test]
 fn calibrated_rule_without_hidden_effect_gives_no_verdict() {
-    let scenario = draw(Kind::None, 4);
+    let scenario = draw(&[], 4);
     let tracks = tracks(&simulated::dataset(&scenario.log));
     let parameters = fitted(&tracks);
     let free = LawKind::Lugre.parameters();
