@@ -49,6 +49,17 @@ struct Recording {
     rows: Range<usize>,
 }
 
+/// The columns of a recording.
+#[derive(Clone, Copy)]
+struct Columns<'a> {
+    /// Time, velocity, torque.
+    required: &'a [Vec<f64>; 3],
+    /// The optional columns that are kept.
+    optional: &'a [Vec<f64>],
+    /// The places of these among all optional columns.
+    numeric: &'a [usize],
+}
+
 /// How the channels of a file are merged.
 #[derive(Clone, Copy, PartialEq)]
 enum ChannelLayout {
@@ -331,40 +342,13 @@ impl Cleaner<'_> {
             if is_whole { take(column) } else { column[rows.clone()].to_vec() }
         };
         let mut required = run.required.each_mut().map(part);
-        let is_numeric = |(_, column_use): &(usize, &ColumnUse)| **column_use == ColumnUse::Numeric;
-        let numeric = || uses.iter().enumerate().filter(is_numeric);
+        let is_numeric = |at: &usize| uses[*at] == ColumnUse::Numeric;
+        let numeric: Vec<usize> = (0..uses.len()).filter(is_numeric).collect();
         let mut optional: Vec<Vec<f64>> =
-            numeric().map(|(at, _)| part(&mut run.optional[at])).collect();
-        let extent = |values: &Vec<f64>| {
-            let first = values.iter().position(|value| !value.is_nan()).unwrap_or(values.len());
-            let last = values.iter().rposition(|value| !value.is_nan()).unwrap_or_default();
-            first..last + 1
-        };
-        let with_velocity = extent(&required[1]);
-        let mut other_rows = 0;
-        let mut keep = vec![true; rows.len()];
-        for (row, keep) in keep.iter_mut().enumerate() {
-            let [no_velocity, no_torque] = [1, 2].map(|at| required[at][row].is_nan());
-            let lacking = optional.iter().position(|column| column[row].is_nan());
-            *keep = !no_velocity && !no_torque && lacking.is_none();
-            let is_other_channel = match channels {
-                ChannelLayout::Single => false,
-                ChannelLayout::SeparateCovariates => no_velocity && no_torque,
-                // Before the first and after the last velocity there is nothing to interpolate.
-                ChannelLayout::Merged => no_torque || !with_velocity.contains(&row),
-            };
-            if is_other_channel {
-                other_rows += 1;
-            } else if !*keep {
-                let lacking = || numeric().nth(lacking.unwrap_or_default()).map_or(0, |of| of.0);
-                let index = match (no_velocity, no_torque) {
-                    (true, _) => self.layout.required[1].index,
-                    (_, true) => self.layout.required[2].index,
-                    _ => self.layout.optional[lacking()].reading.index,
-                };
-                self.reject_missing_value(run.row_numbers[rows.start + row], index);
-            }
-        }
+            numeric.iter().map(|at| part(&mut run.optional[*at])).collect();
+        let row_numbers = &run.row_numbers[rows.clone()];
+        let columns = Columns { required: &required, optional: &optional, numeric: &numeric };
+        let (keep, other_rows) = self.complete_rows(row_numbers, columns, channels);
         if keep.contains(&false) {
             let columns = required.iter_mut().chain(&mut optional);
             columns.for_each(|column| retain(column, &keep));
@@ -386,6 +370,48 @@ impl Cleaner<'_> {
         let [time_s, velocity, torque] = required;
         let columns = Run { time_s, velocity, torque, extra: optional, ..Run::default() };
         (Some(Run { name, labels, ..columns }), other_rows)
+    }
+
+    /// Returns for each row of a recording whether it is complete, and the number of rows of other channels. Leaves out the other
+    /// rows.
+    fn complete_rows(
+        &mut self,
+        row_numbers: &[u64],
+        columns: Columns,
+        channels: ChannelLayout,
+    ) -> (Vec<bool>, usize) {
+        let Columns { required, optional, numeric } = columns;
+        let extent = |values: &Vec<f64>| {
+            let first = values.iter().position(|value| !value.is_nan()).unwrap_or(values.len());
+            let last = values.iter().rposition(|value| !value.is_nan()).unwrap_or_default();
+            first..last + 1
+        };
+        let with_velocity = extent(&required[1]);
+        let mut other_rows = 0;
+        let mut keep = vec![true; row_numbers.len()];
+        for (row, keep) in keep.iter_mut().enumerate() {
+            let [no_velocity, no_torque] = [1, 2].map(|at| required[at][row].is_nan());
+            let lacking = optional.iter().position(|column| column[row].is_nan());
+            *keep = !no_velocity && !no_torque && lacking.is_none();
+            let is_other_channel = match channels {
+                ChannelLayout::Single => false,
+                ChannelLayout::SeparateCovariates => no_velocity && no_torque,
+                // Before the first and after the last velocity there is nothing to interpolate.
+                ChannelLayout::Merged => no_torque || !with_velocity.contains(&row),
+            };
+            if is_other_channel {
+                other_rows += 1;
+            } else if !*keep {
+                let lacking = || numeric[lacking.unwrap_or_default()];
+                let index = match (no_velocity, no_torque) {
+                    (true, _) => self.layout.required[1].index,
+                    (_, true) => self.layout.required[2].index,
+                    _ => self.layout.optional[lacking()].reading.index,
+                };
+                self.reject_missing_value(row_numbers[row], index);
+            }
+        }
+        (keep, other_rows)
     }
 
     /// Leaves out a row because of a cell without a value.

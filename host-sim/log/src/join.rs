@@ -389,3 +389,15 @@ fn time_column(channels: &[Channel], rows: &MatchedRows) -> Option<(String, Cell
     };
     Some((name, Cells::Numbers(rows.rows.iter().map(time).collect())))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_with_stamps_returns_seconds() {
+        let cells = Cells::Stamps(vec![Some(1_500_000_000), None]);
+        let found = times("f", "t", &cells).expect("times");
+        assert!(found[0] == 1.5 && found[1].is_nan(), "{found:?}");
+    }
+}

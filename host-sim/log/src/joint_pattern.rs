@@ -17,19 +17,33 @@ const MIN_SCORE: u32 = 4;
 struct Pattern<'a> {
     ours: &'a str,
     theirs: &'a str,
-    /// The text before and after the joint.
-    ends: (&'a str, &'a str),
+    ends: Ends<'a>,
 }
 
 impl Pattern<'_> {
     fn column(&self, joint: &str) -> String {
-        format!("{}{joint}{}", self.ends.0, self.ends.1)
+        format!("{}{joint}{}", self.ends.before, self.ends.after)
     }
 }
 
-/// Returns the joint in a name.
-fn between<'n>(name: &'n str, (before, after): (&str, &str)) -> Option<&'n str> {
-    name.strip_prefix(before)?.strip_suffix(after).filter(|joint| !joint.is_empty())
+/// The text before and after the joint in the names of a column.
+#[derive(Clone, Copy, Default)]
+struct Ends<'a> {
+    before: &'a str,
+    after: &'a str,
+}
+
+impl<'a> Ends<'a> {
+    fn of(pattern: &'a str) -> Option<Self> {
+        let (before, after) = pattern.split_once(PLACE)?;
+        Some(Self { before, after })
+    }
+
+    /// Returns the joint in a name.
+    fn joint<'n>(&self, name: &'n str) -> Option<&'n str> {
+        let joint = name.strip_prefix(self.before)?.strip_suffix(self.after)?;
+        (!joint.is_empty()).then_some(joint)
+    }
 }
 
 /// The joints that a map names, and the parts of the map.
@@ -47,7 +61,7 @@ impl<'a> JointMap<'a> {
         let patterns: Vec<Pattern> = patterns.collect();
         let first = patterns.first()?;
         let has = |column: String| names.contains(&column);
-        let joints = names.iter().filter_map(|name| between(name, first.ends));
+        let joints = names.iter().filter_map(|name| first.ends.joint(name));
         let joints =
             joints.filter(|joint| patterns.iter().all(|pattern| has(pattern.column(joint))));
         Some(Self { joints: joints.map(str::to_owned).collect(), pairs, patterns })
@@ -93,12 +107,12 @@ fn pattern<'a>(names: &[String], ours: &'a str, theirs: &'a str) -> Option<Patte
         return None;
     }
     let ends = |text: &'a str| {
-        let ends = text.split_once(PLACE)?;
-        names.iter().any(|name| between(name, ends).is_some()).then_some(ends)
+        let ends = Ends::of(text)?;
+        names.iter().any(|name| ends.joint(name).is_some()).then_some(ends)
     };
     // A name may hold a colon; else it parts the name from the unit.
     let alone = theirs.rsplit_once(':').map_or(theirs, |(name, _)| name);
-    let ends = ends(theirs).or_else(|| ends(alone)).or_else(|| alone.split_once(PLACE))?;
+    let ends = ends(theirs).or_else(|| ends(alone)).or_else(|| Ends::of(alone))?;
     Some(Pattern { ours, theirs, ends })
 }
 
@@ -135,7 +149,7 @@ impl SuggestedMap {
     /// Returns the pair of `--columns` for a column of the table.
     pub fn pair_of(&self, name: &str) -> Option<String> {
         let fits = |pattern: &str| {
-            let joint = pattern.split_once(PLACE).and_then(|ends| between(name, ends));
+            let joint = Ends::of(pattern).and_then(|ends| ends.joint(name));
             joint.is_some_and(|joint| self.joints.iter().any(|known| known == joint))
         };
         let (ours, _) = self.pairs.iter().find(|(_, pattern)| fits(pattern))?;
@@ -148,8 +162,8 @@ impl SuggestedMap {
 pub(super) fn suggested_map(names: &[&str]) -> Option<SuggestedMap> {
     let patterns = patterns(names);
     let joints_of = |pattern: &str| -> Vec<&str> {
-        let ends = pattern.split_once(PLACE).unwrap_or_default();
-        names.iter().filter_map(|name| between(name, ends)).collect()
+        let ends = Ends::of(pattern).unwrap_or_default();
+        names.iter().filter_map(|name| ends.joint(name)).collect()
     };
     let best = |of: &str, joints: Option<&[&str]>| {
         let fits = |pattern: &&String| {

@@ -203,21 +203,19 @@ pub(crate) fn emit(line: &Line, fraction: Fraction, out: &mut Vec<u8>) {
     let (seconds, rest) = (line.time_ns / 1_000_000_000, line.time_ns % 1_000_000_000);
     let (digits, rest) = fraction_digits(rest, fraction);
     let direction = if line.direction == Some(Direction::Sent) { "Tx" } else { "Rx" };
-    let name = |identifier, extended| format!("{identifier:X}{}", if extended { "x" } else { "" });
+    let (identifier, extended) = line.frame.identifier();
+    let name = format!("{identifier:X}{}", if extended { "x" } else { "" });
     // Writing to memory does not fail.
     let _ = write!(out, "{seconds:4}.{rest:0digits$} ");
     match &line.frame {
-        CanFrame::Data { identifier, extended, length, bytes } => {
-            let name = name(*identifier, *extended);
+        CanFrame::Data { length, bytes, .. } => {
             let _ = write!(out, "1  {name:<15} {direction}   d {length}");
             emit_bytes(bytes.get(..usize::from(*length)).unwrap_or(bytes), out);
         }
-        CanFrame::Remote { identifier, extended, length } => {
-            let name = name(*identifier, *extended);
+        CanFrame::Remote { length, .. } => {
             let _ = write!(out, "1  {name:<15} {direction}   r {length}");
         }
-        CanFrame::Flexible { identifier, extended, flags, length, bytes } => {
-            let name = name(*identifier, *extended);
+        CanFrame::Flexible { flags, length, bytes, .. } => {
             let (brs, esi) = (flags & SWITCHED_RATE != 0, flags & ERROR_PASSIVE != 0);
             let flag = |is_set, flag| if is_set { flag } else { 0 };
             let flags = EDL_FLAG | flag(brs, BRS_FLAG) | flag(esi, ESI_FLAG);

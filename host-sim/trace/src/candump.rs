@@ -276,27 +276,19 @@ fn raw_length(text: &[u8], length: u8) -> Result<(), LineError> {
 pub fn emit(line: &Line, fraction: Fraction, out: &mut Vec<u8>) {
     let (seconds, rest) = (line.time_ns / 1_000_000_000, line.time_ns % 1_000_000_000);
     let (digits, rest) = fraction_digits(rest, fraction);
-    let name = |identifier: u32, extended: bool| {
-        let digits = if extended { 8 } else { 3 };
-        format!("{identifier:0digits$X}")
-    };
+    let (identifier, extended) = line.frame.identifier();
+    let width = if extended { 8 } else { 3 };
+    let is_error = matches!(line.frame, CanFrame::Error { .. });
+    let identifier = if is_error { identifier | ERROR_FLAG } else { identifier };
     // Writing to memory does not fail.
     let _ = write!(out, "({seconds:010}.{rest:0digits$}) ");
     out.extend_from_slice(line.interface);
+    let _ = write!(out, " {identifier:0width$X}#");
     let _ = match &line.frame {
-        CanFrame::Data { identifier, extended, .. } => {
-            write!(out, " {}#", name(*identifier, *extended))
-        }
-        CanFrame::Remote { identifier, extended, length: 0 } => {
-            write!(out, " {}#R", name(*identifier, *extended))
-        }
-        CanFrame::Remote { identifier, extended, length } => {
-            write!(out, " {}#R{length:X}", name(*identifier, *extended))
-        }
-        CanFrame::Flexible { identifier, extended, flags, .. } => {
-            write!(out, " {}##{:X}", name(*identifier, *extended), flags & 0xF)
-        }
-        CanFrame::Error { class, .. } => write!(out, " {}#", name(class | ERROR_FLAG, true)),
+        CanFrame::Remote { length: 0, .. } => write!(out, "R"),
+        CanFrame::Remote { length, .. } => write!(out, "R{length:X}"),
+        CanFrame::Flexible { flags, .. } => write!(out, "#{:X}", flags & 0xF),
+        CanFrame::Data { .. } | CanFrame::Error { .. } => Ok(()),
     };
     for byte in line.frame.data() {
         let _ = write!(out, "{byte:02X}");

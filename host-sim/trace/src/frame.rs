@@ -201,6 +201,16 @@ impl CanFrame {
         Frame::new(identifier, bytes.get(..usize::from(*length))?)
     }
 
+    /// Returns the identifier, and true if it has 29 bits. The classes of an error frame take its place.
+    pub fn identifier(&self) -> (u32, bool) {
+        match self {
+            Self::Data { identifier, extended, .. }
+            | Self::Remote { identifier, extended, .. }
+            | Self::Flexible { identifier, extended, .. } => (*identifier, *extended),
+            Self::Error { class, .. } => (*class, true),
+        }
+    }
+
     /// Returns the data. A remote request has none; an error frame has its details.
     pub fn data(&self) -> &[u8] {
         let (bytes, length): (&[u8], u8) = match self {

@@ -169,17 +169,12 @@ pub(crate) fn emit_header(out: &mut Vec<u8>) {
 
 /// Appends the line with this number, for all frames but an error frame. Every interface is bus 1.
 pub(crate) fn emit(line: &Line, number: u64, fraction: Fraction, out: &mut Vec<u8>) {
-    let (kind, identifier, extended, code, bytes): (_, _, _, _, &[u8]) = match &line.frame {
-        CanFrame::Data { identifier, extended, length, bytes } => {
-            let bytes = bytes.get(..usize::from(*length)).unwrap_or(bytes);
-            (Kind::Data, identifier, extended, bytes.len(), bytes)
-        }
-        CanFrame::Remote { identifier, extended, length } => {
-            (Kind::Remote, identifier, extended, usize::from(*length), &[])
-        }
-        CanFrame::Flexible { identifier, extended, flags, length, bytes } => {
+    let (kind, code, bytes) = match &line.frame {
+        CanFrame::Data { .. } => (Kind::Data, line.frame.data().len(), line.frame.data()),
+        CanFrame::Remote { length, .. } => (Kind::Remote, usize::from(*length), line.frame.data()),
+        CanFrame::Flexible { flags, length, bytes, .. } => {
             let kind = Kind::Flexible(flags & (SWITCHED_RATE | ERROR_PASSIVE));
-            (kind, identifier, extended, length_code(*length), padded(bytes, *length))
+            (kind, length_code(*length), padded(bytes, *length))
         }
         CanFrame::Error { .. } => return,
     };
@@ -187,7 +182,8 @@ pub(crate) fn emit(line: &Line, number: u64, fraction: Fraction, out: &mut Vec<u
     let (milliseconds, rest) = (line.time_ns / 1_000_000, line.time_ns % 1_000_000);
     let (digits, rest) = fraction_digits(rest, fraction);
     let digits = digits - 3;
-    let wide = if *extended { 8 } else { 4 };
+    let (identifier, extended) = line.frame.identifier();
+    let wide = if extended { 8 } else { 4 };
     let identifier = format!("{identifier:0wide$X}");
     let direction = if line.direction == Some(Direction::Sent) { "Tx" } else { "Rx" };
     // Writing to memory does not fail.

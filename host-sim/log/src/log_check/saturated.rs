@@ -10,6 +10,7 @@ use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::torque_fit::least_moving_speed;
 use super::wrap::is_velocity_derived;
+use crate::Run;
 use crate::number::figure;
 use crate::statistics::{extent, median};
 use compensator_core::quantity::Quantity;
@@ -59,7 +60,7 @@ fn of_column(log: &Log, column: &Column, slow: f64) -> Vec<LogFinding> {
         let (mut rows, mut stretches, mut arriving) = (0, 0.0, 0.0);
         for (index, values) in column.runs.iter().enumerate() {
             for stretch in standing(values, end) {
-                if !may_be_clipped(log, column, (index, stretch.clone()), end, slow) {
+                if !may_be_clipped(log, column, &log.data.runs[index], &stretch, end, slow) {
                     continue;
                 }
                 let arrives = stretch.start == 0
@@ -118,11 +119,11 @@ fn standing(values: &[f64], end: f64) -> impl Iterator<Item = Range<usize>> {
 fn may_be_clipped(
     log: &Log,
     column: &Column,
-    (index, rows): (usize, Range<usize>),
+    run: &Run,
+    rows: &Range<usize>,
     end: f64,
     slow: f64,
 ) -> bool {
-    let run = &log.data.runs[index];
     let mean_speed = || {
         let speeds = run.velocity[rows.clone()].iter().map(|velocity| velocity.abs());
         speeds.sum::<f64>() / rows.len() as f64
