@@ -86,8 +86,10 @@ pub struct Step {
     pub has_reversed: bool,
     /// Travel of the shaft, rad.
     pub travel: f64,
-    /// Part of the travel that reaches the contact: what is left behind the play, rad.
+    /// Part of the travel that reaches the contact beyond the backlash, rad.
     pub taken_up: f64,
+    /// Factor of the level at the end, [`Contact::level_factor`].
+    pub level_factor: f64,
     /// Deflection of the contact by a change of the side load, rad.
     pub bent: f64,
     /// Duration, s.
@@ -152,21 +154,6 @@ impl Contact for Bristles {
     }
 
     fn advance(&self, joint: &Joint, step: &Step, z: &mut f64) {
-        self.advance_with(joint, step, z, 1.0);
-    }
-
-    fn torque(&self, joint: &Joint, here: &Instant, z: &f64) -> f64 {
-        let (seal, velocity) = (&joint.seal, here.point.velocity);
-        // Within the backlash, damping acts on the whole motion.
-        let rate = velocity - seal.k0 * velocity.abs() * z / here.level
-            + seal.eta3 * here.conditions.force_rate;
-        seal.k0 * z + seal.k1 * rate
-    }
-}
-
-impl Bristles {
-    /// Moves the bristles of a joint whose level has a factor at the end of the step.
-    pub fn advance_with(&self, joint: &Joint, step: &Step, z: &mut f64, factor: f64) {
         let Step { end: here, direction, bent, .. } = *step;
         let k0 = joint.seal.k0;
         let passed = 0.5 * k0 * step.taken_up * (1.0 / step.begin_level + 1.0 / here.level);
@@ -183,9 +170,17 @@ impl Bristles {
         if (*z * k0).abs() > here.level {
             let angle = here.point.angle;
             let held = joint.level(0.0, z.signum(), angle, step.age_s, &here.conditions);
-            let most = held * factor / k0;
+            let most = held * step.level_factor / k0;
             *z = z.clamp(-most, most);
         }
+    }
+
+    fn torque(&self, joint: &Joint, here: &Instant, z: &f64) -> f64 {
+        let (seal, velocity) = (&joint.seal, here.point.velocity);
+        // Within the backlash, damping acts on the whole motion.
+        let rate = velocity - seal.k0 * velocity.abs() * z / here.level
+            + seal.eta3 * here.conditions.force_rate;
+        seal.k0 * z + seal.k1 * rate
     }
 }
 
@@ -336,6 +331,7 @@ impl<C: Contact> Machine<'_, C> {
             has_reversed,
             travel,
             taken_up: self.taken_up(travel, state),
+            level_factor: self.contact.level_factor(to.angle),
             bent: joint.seal.eta3 * (end.conditions.force - from.conditions.force),
             seconds,
             age_s: state.age_s,

@@ -208,7 +208,7 @@ impl MotorNode {
             JointEvent::SealSensorsRestored => self.stuck = None,
             JointEvent::ProcessorReset => self.rig.reset(),
             JointEvent::Supply(voltage_v) => self.rig.plant_mut().set_supply(voltage_v),
-            JointEvent::Stop(position_rad) => self.rig.plant_mut().set_stop(position_rad),
+            JointEvent::Stop(position_rad) => self.rig.plant_mut().stop_rad = position_rad,
         }
     }
 
@@ -237,7 +237,7 @@ impl MotorNode {
         }
         let is_temperature_due = milliseconds.is_multiple_of(THERMOMETER_INTERVAL_MS);
         if self.sensors.has_thermometer && is_temperature_due {
-            let temperature_c = self.rig.plant().seal().shown_temperature_c() as f32;
+            let temperature_c = self.rig.plant().seal.shown_temperature_c() as f32;
             let surroundings = SurroundingsFrame { temperature_c, auxiliary: f32::NAN };
             self.send_reading(Message::Surroundings(NODE, surroundings));
         }

@@ -143,7 +143,7 @@ impl Stage {
 
     fn record_extremes(&mut self, is_driven: bool) {
         let extremes = &mut self.extremes;
-        extremes.current_a = extremes.current_a.max(self.plant.take_peak_a());
+        extremes.current_a = extremes.current_a.max(std::mem::take(&mut self.plant.peak_a));
         extremes.current_a = self
             .plant
             .phase_currents_a()
@@ -206,7 +206,7 @@ impl PowerStage for Stage {
         if self.gate_fault {
             return Some(BridgeFault::GateDriver);
         }
-        self.plant.is_overcurrent_tripped().then_some(BridgeFault::Overcurrent)
+        self.plant.is_tripped.then_some(BridgeFault::Overcurrent)
     }
 
     fn has_magnet_fault(&self) -> bool {
@@ -228,7 +228,7 @@ impl PowerStage for Stage {
 
     fn off(&mut self) {
         (self.pending, self.applied) = (None, None);
-        self.plant.clear_break();
+        self.plant.is_tripped = false;
     }
 
     fn brake(&mut self) {

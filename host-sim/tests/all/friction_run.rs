@@ -21,14 +21,14 @@ fn commission(arguments: &[&str]) -> Output {
 /// Friction of the plant's seal and gear at a steady speed, Nm, averaged over both directions and the range of the run.
 fn steady_nm(speed_rad_s: f64) -> f64 {
     let mut plant = JointPlant::new(&Parameters::default(), Load::Free, 1);
-    let around = plant.around();
+    let around = plant.around;
     let (dt, end_rad) = (50e-6, 0.45);
     let mut position: f64 = -end_rad;
     let (mut sum, mut count, mut way) = (0.0, 0.0, 1.0);
     for _pass in 0..4 {
         while position * way < end_rad {
             position += way * speed_rad_s * dt;
-            let torque = plant.seal_mut().step(way * speed_rad_s, position, &around, dt);
+            let torque = plant.seal.step(way * speed_rad_s, position, &around, dt);
             if position * way > -0.3 {
                 (sum, count) = (sum + way * torque, count + 1.0);
             }

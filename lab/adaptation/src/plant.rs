@@ -134,14 +134,14 @@ impl Plant {
         let outside =
             Joint { offset_nm: world.constant_nm, gravity: Some(gravity), ..Joint::default() };
         let joint = &mut self.joint;
-        joint.seal_mut().set_wear(world.wear);
-        joint.seal_mut().set_water(world.water_c);
-        joint.set_pressure(world.pressure_pa);
+        joint.seal.set_wear(world.wear);
+        joint.seal.set_water(world.water_c);
+        joint.around.pressure_diff_pa = world.pressure_pa;
         joint.set_backlash(world.slack_rad);
         joint.load = world.wall.map_or(Load::Free, |[position_rad, stiffness_nm_per_rad]| {
             Load::Wall { position_rad, stiffness_nm_per_rad }
         });
-        joint.hide(outside);
+        joint.hidden = Some(outside);
         let p = &self.constants;
         let current_a = torque_nm / (p.motor_torque_constant_nm_per_a * p.gear_ratio);
         joint.period_at_current(PERIOD_S, current_a);

@@ -127,10 +127,7 @@ impl Contact for PlantContact<'_> {
     fn advance(&self, joint: &Joint, step: &Step, state: &mut ContactState) {
         let Step { end, direction, taken_up, bent, .. } = *step;
         match self.plant {
-            Plant::Bristles => {
-                let factor = self.level_factor(end.point.angle);
-                Bristles.advance_with(joint, step, &mut state.z, factor);
-            }
+            Plant::Bristles => Bristles.advance(joint, step, &mut state.z),
             Plant::SlipElements { elements, lag_s } => {
                 let displacement = direction * taken_up + bent;
                 let settles = -(-step.seconds / lag_s).exp_m1();
@@ -149,7 +146,7 @@ impl Contact for PlantContact<'_> {
                         angle,
                         step.age_s,
                         &end.conditions,
-                    ) * self.level_factor(angle)
+                    ) * step.level_factor
                 });
             }
         }

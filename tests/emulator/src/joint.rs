@@ -196,8 +196,8 @@ impl World for JointWorld {
     fn water(&self) -> Option<Water> {
         let plant = &self.stage.plant;
         self.has_pressure_sensor.then(|| Water {
-            pressure_pa: plant.around().pressure_diff_pa + INSIDE_PA,
-            temperature_c: plant.seal().shown_temperature_c(),
+            pressure_pa: plant.around.pressure_diff_pa + INSIDE_PA,
+            temperature_c: plant.seal.shown_temperature_c(),
         })
     }
 
@@ -239,11 +239,11 @@ impl World for JointWorld {
     }
 
     fn is_overcurrent(&self) -> bool {
-        self.stage.plant.is_overcurrent_tripped()
+        self.stage.plant.is_tripped
     }
 
     fn clear_break(&mut self) {
-        self.stage.plant.clear_break();
+        self.stage.plant.is_tripped = false;
     }
 
     fn interrupt_delay(&mut self) -> u32 {

@@ -243,7 +243,7 @@ impl DrawnJoint {
         }
         let mut plant = JointPlant::with_seal(&self.constants, Load::Free, seal, self.seed);
         if !self.hidden.is_empty() {
-            plant.hide(joint);
+            plant.hidden = Some(joint);
         }
         plant.surround(self.surroundings);
         plant.place(self.start_rad);

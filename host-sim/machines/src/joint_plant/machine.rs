@@ -56,14 +56,16 @@ pub struct Shown {
     pub load_torque_nm: f64,
 }
 
-/// The simulated machine.
+/// The simulated machine. Its public fields may change between two periods.
 #[derive(Clone, Debug)]
 pub struct JointPlant {
     p: Parameters,
-    /// The load, which may change between two periods.
+    /// The load.
     pub load: Load,
-    seal: Seal,
-    around: Around,
+    /// The seal.
+    pub seal: Seal,
+    /// Operating conditions of the seal.
+    pub around: Around,
     acting: Acting,
     /// Currents in phase with and orthogonal to phase a, A.
     current: [f64; 2],
@@ -85,16 +87,16 @@ pub struct JointPlant {
     /// Velocity at which a stand turns the output, rad/s.
     turned_rad_s: Option<f64>,
     /// Analyser of the motor torque.
-    orders: Option<OrderAnalyser>,
+    pub orders: Option<OrderAnalyser>,
     /// Recorded currents: time since the start, s, and the currents along and across the magnet, A.
     recorded: Option<Vec<[f64; 3]>>,
     recorded_s: f64,
     /// External side load besides that of the load, N.
-    pushed_n: f64,
+    pub side_load_n: f64,
     /// Joint whose additive torques act at the output, besides friction and load.
-    hidden: Option<Joint>,
-    /// Position of a stop against positive motion, rad.
-    stop_rad: f64,
+    pub hidden: Option<Joint>,
+    /// Position of a stop against positive motion, rad. It takes all of the velocity.
+    pub stop_rad: f64,
     surroundings: Option<Surroundings>,
     /// Time since the surroundings were set, and until they are evaluated again, s.
     elapsed_s: f64,
@@ -102,13 +104,15 @@ pub struct JointPlant {
     /// Motor and gear, if the coupling to the output is compliant.
     rotor: Option<Rotor>,
     supply: Option<Supply>,
-    brake: Option<HoldingBrake>,
-    winding: Option<Winding>,
+    /// A holding brake.
+    pub brake: Option<HoldingBrake>,
+    /// Thermal state of the winding, if the thermal model is enabled.
+    pub winding: Option<Winding>,
     comparators: Option<Comparators>,
     /// True if the comparators have opened the bridge and the break flag is not cleared.
-    is_tripped: bool,
+    pub is_tripped: bool,
     /// Largest phase current while the comparators were simulated, A.
-    peak_a: f64,
+    pub peak_a: f64,
     /// Copper loss since the last thermal step, J, and the time since then, s.
     lost_j: f64,
     lost_s: f64,
@@ -207,7 +211,7 @@ impl JointPlant {
             orders: None,
             recorded: None,
             recorded_s: 0.0,
-            pushed_n: 0.0,
+            side_load_n: 0.0,
             random: Pcg64::seed_from_u64(seed ^ 0x5eed),
         }
     }
@@ -351,7 +355,7 @@ impl JointPlant {
             return;
         }
         self.surroundings_due_s += SURROUNDINGS_STEP_S;
-        self.pushed_n = surroundings.side_load_n.at(self.elapsed_s).max(0.0);
+        self.side_load_n = surroundings.side_load_n.at(self.elapsed_s).max(0.0);
         self.around.pressure_diff_pa = surroundings.pressure_pa.at(self.elapsed_s);
         let water_c = surroundings.water_c.at(self.elapsed_s);
         self.p.water_temperature_c = water_c;
@@ -422,7 +426,7 @@ impl JointPlant {
             return;
         }
         self.acting = self.load.act(&self.p, self.position, self.velocity, dt);
-        self.acting.radial_force_n += self.pushed_n;
+        self.acting.radial_force_n += self.side_load_n;
         self.around.radial_force_n = self.acting.radial_force_n;
         self.around.load_torque_nm = self.acting.torque_nm;
         let compensated = (self.cancelled * self.seal.torque_nm())

@@ -124,9 +124,9 @@ fn platform_pushed_fast_leaves_the_ground_and_lands() {
     for k in 0..30_000 {
         // Full current, then none, so that the landing does not depend on a position controller.
         plant.period_at_current(PERIOD, if k < 1600 { 24.0 } else { 0.0 });
-        flew |= plant.around().radial_force_n == 0.0;
+        flew |= plant.around.radial_force_n == 0.0;
         if flew {
-            hit = hit.max(plant.around().radial_force_n);
+            hit = hit.max(plant.around.radial_force_n);
         }
     }
     assert!(flew && hit > 2.0 * p.platform_weight_n, "flew {flew}, landed with {hit} N");

@@ -148,8 +148,8 @@ impl Test {
         let mut random = Pcg64::seed_from_u64(seed);
         let mut plant = JointPlant::with_phase(p, (self.load)(p), PHASE_RAD, seed);
         // Depth from 0 to 25 m, within the rated depth.
-        plant.set_pressure(random.random_range(0.0..0.25e6));
-        plant.seal_mut().set_temperature(random.random_range(10.0..26.0));
+        plant.around.pressure_diff_pa = random.random_range(0.0..0.25e6);
+        plant.seal.set_temperature(random.random_range(10.0..26.0));
         let inertia = plant.inertia_kg_m2();
         let gain = inertia * TAU * VELOCITY_HZ;
         let mut integral = 0.0;
@@ -160,7 +160,7 @@ impl Test {
             let acceleration = ((self.velocity)(t + LOOP_S) - reference) / LOOP_S;
             let error = reference - plant.velocity_rad_s();
             let feed_forward =
-                inertia * acceleration.clamp(-80.0, 80.0) + plant.around().load_torque_nm;
+                inertia * acceleration.clamp(-80.0, 80.0) + plant.around.load_torque_nm;
             let current = feed_forward + gain * error + integral;
             if current.abs() < MAX_CURRENT_A {
                 integral += gain * error * LOOP_S / INTEGRAL_S;

@@ -138,7 +138,7 @@ fn sensors_of_a_drawn_joint_send_their_readings_to_driver_and_master() {
         .collect();
     assert!((49..=51).contains(&pressures.len()), "{}", pressures.len());
     assert!(pressures.iter().all(|pressure| *pressure == pressures[0]), "stuck: {pressures:?}");
-    let truth = bench.node.borrow().plant().around().pressure_diff_pa;
+    let truth = bench.node.borrow().plant().around.pressure_diff_pa;
     let shown = bench.client.read_float(Address::new(index::INPUTS, 6)).expect("an input");
     assert!((f64::from(shown) - truth).abs() < 2e3, "{shown} Pa, truly {truth} Pa");
     bench.seen.clear();

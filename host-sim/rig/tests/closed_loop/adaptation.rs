@@ -81,8 +81,8 @@ fn learn(family_name: &str, family: FrictionFamily, wear: f64) -> Vec<ScenarioRo
     let phase_rad = [0.7, 2.1];
     joint.run_plant(
         |plant| {
-            *plant.seal_mut() = Seal::of_family(family, &joint.constants, phase_rad);
-            plant.seal_mut().set_wear(wear);
+            plant.seal = Seal::of_family(family, &joint.constants, phase_rad);
+            plant.seal.set_wear(wear);
         },
         |master| {
             enable(master);

@@ -58,7 +58,7 @@ fn with_brake<R>(load: Load, brake_nm: f64, work: impl FnOnce(&mut Master) -> R)
     joint.run_plant(
         |plant| {
             plant.place(0.0);
-            plant.add_brake(HoldingBrake::new(brake_nm, 0.03, 0.04));
+            plant.brake = Some(HoldingBrake::new(brake_nm, 0.03, 0.04));
         },
         |master| {
             write_short(master, index::DISABLE_OPTION, 0, 1);

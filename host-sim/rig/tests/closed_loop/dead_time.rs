@@ -117,11 +117,11 @@ fn ripple_nm(constants: &Parameters, found: &Commissioned, factor: f32) -> f64 {
         master.rig.plant_mut().turn(Some(SPEED_RAD_S));
         master.current(60, CURRENT_A);
         master.rig.plant_mut().analyse_order(6.0);
-        while master.rig.plant().orders().is_some_and(|orders| orders.turns() < TURNS) {
+        while master.rig.plant().orders.is_some_and(|orders| orders.turns() < TURNS) {
             master.current(1, CURRENT_A);
         }
         assert!(master.rig.is_armed(), "{:?}", master.faults());
-        master.rig.plant().orders().expect("an analysis").amplitude_nm()
+        master.rig.plant().orders.expect("an analysis").amplitude_nm()
     })
 }
 
@@ -159,7 +159,7 @@ fn noise_nm(master: &mut Master) -> f64 {
     master.current(20, 0.0);
     master.rig.plant_mut().analyse_order(6.0);
     master.current(150, 0.0);
-    master.rig.plant().orders().expect("an analysis").deviation_nm()
+    master.rig.plant().orders.expect("an analysis").deviation_nm()
 }
 
 fn at_rest() -> Vec<ScenarioRow> {
@@ -203,7 +203,7 @@ fn held_nm(master: &mut Master) -> f64 {
     (0..300).for_each(|_| master.hold(position));
     master.rig.plant_mut().analyse_order(6.0);
     (0..300).for_each(|_| master.hold(position));
-    master.rig.plant().orders().expect("an analysis").deviation_nm()
+    master.rig.plant().orders.expect("an analysis").deviation_nm()
 }
 
 /// A run that ends before its results stages nothing.

@@ -122,8 +122,8 @@ impl Course {
         joint.constants.water_temperature_c = self.water_c;
         joint.run_plant(
             |plant| {
-                *plant.seal_mut() = Seal::of_family(self.family, &joint.constants, PHASE_RAD);
-                plant.seal_mut().set_wear(self.wear);
+                plant.seal = Seal::of_family(self.family, &joint.constants, PHASE_RAD);
+                plant.seal.set_wear(self.wear);
             },
             |master| {
                 enable(master, self.mode);
@@ -137,7 +137,7 @@ impl Course {
                     set_outside(master.rig.plant_mut(), hand + drag);
                     drive(master, ENABLED, 0.0);
                 }
-                master.rig.plant_mut().seal_mut().set_wear(self.later_wear);
+                master.rig.plant_mut().seal.set_wear(self.later_wear);
                 rest(master, AFTER_MS - LAG_MS, |_| 0.0);
                 let mut commanded = 0.0f64;
                 for _ in 0..LAG_MS {

@@ -166,7 +166,8 @@ fn torque_mode() -> Vec<ScenarioRow> {
     let joint = Joint::with(set(0.0));
     joint.run_plant(
         |plant| {
-            plant.add_brake(simulated_machines::joint_plant::HoldingBrake::new(60.0, 0.03, 0.04));
+            plant.brake =
+                Some(simulated_machines::joint_plant::HoldingBrake::new(60.0, 0.03, 0.04));
         },
         |master| {
             map_offsets(master);

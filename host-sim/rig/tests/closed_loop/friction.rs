@@ -46,8 +46,8 @@ fn course(share: f32, seal: SealSensorFault, rise_ms: f64) -> (f64, f64, f64, bo
             let high = if (k + 500) / 1000 % 2 == 1 { risen } else { 1.0 - risen };
             let high = if k < 500 { 0.0 } else { high };
             let stage = master.rig.stage_mut();
-            stage.plant.set_side_load(120.0 * high);
-            stage.plant.set_pressure(34.3e3 + 2.66e5 * high);
+            stage.plant.side_load_n = 120.0 * high;
+            stage.plant.around.pressure_diff_pa = 34.3e3 + 2.66e5 * high;
             let (sine, cosine) = (TAU * 0.5 * t).sin_cos();
             master.follow(cosine, -TAU * 0.5 * sine);
             if k >= 1000 {

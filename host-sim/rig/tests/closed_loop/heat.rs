@@ -34,7 +34,7 @@ fn stall(current_a: f64) -> Vec<ScenarioRow> {
             for second in 0..STALL_S {
                 let mut sum_a = 0.0;
                 for _ in 0..1000 {
-                    let winding = *master.rig.plant().winding().expect("a winding that heats up");
+                    let winding = master.rig.plant().winding.expect("a winding that heats up");
                     copper = copper.max(winding.winding_c);
                     shown = shown.max(winding.stator_c);
                     let stator_c = winding.stator_c as f32;

@@ -49,7 +49,7 @@ pub fn with_brake<R>(has_brake: bool, work: impl FnOnce(&mut Master) -> R) -> R 
     joint.run_plant(
         |plant| {
             plant.place(0.0);
-            plant.add_brake(HoldingBrake::new(TORQUE_NM, CLOSING_S, OPENING_S));
+            plant.brake = Some(HoldingBrake::new(TORQUE_NM, CLOSING_S, OPENING_S));
         },
         |master| {
             write_short(master, index::DISABLE_OPTION, 0, 1);
@@ -107,7 +107,7 @@ fn fault(has_brake: bool) -> Vec<ScenarioRow> {
     let name = format!("leg held horizontally, {brake}: gate driver fault");
     with_brake(has_brake, |master| {
         if !has_brake {
-            master.rig.plant_mut().add_brake(HoldingBrake::new(0.0, CLOSING_S, OPENING_S));
+            master.rig.plant_mut().brake = Some(HoldingBrake::new(0.0, CLOSING_S, OPENING_S));
         }
         enable(master);
         run(master, 500, 0x0F, 0.0);

@@ -144,7 +144,7 @@ fn actual_permille(master: &mut Master) -> f64 {
 fn torque_ramp() -> Vec<ScenarioRow> {
     let name = "joint with its brake closed by another device, TQ: 6071h = 300, 6087h = 2000 per s, 6072h = 250";
     Joint::with(set(0.0)).run_plant(
-        |plant| plant.add_brake(HoldingBrake::new(60.0, 0.03, 0.04)),
+        |plant| plant.brake = Some(HoldingBrake::new(60.0, 0.03, 0.04)),
         |master| {
             write_short(master, index::MAX_TORQUE, 0, 250);
             master.rig.write_object(index::TORQUE_SLOPE, 0, SLOPE.to_le_bytes());

@@ -86,7 +86,7 @@ pub fn rows() -> &'static [ScenarioRow] {
 
 /// A torque from outside, Nm, in the direction of positive motion.
 pub fn set_outside(plant: &mut JointPlant, torque_nm: f64) {
-    plant.hide(joint::Joint { offset_nm: -torque_nm, ..joint::Joint::default() });
+    plant.hidden = Some(joint::Joint { offset_nm: -torque_nm, ..joint::Joint::default() });
 }
 
 /// A drag of the water plants, which opposes motion, Nm.
@@ -165,7 +165,7 @@ impl Case {
             if self.is_one_way && velocity < 0.0 { 0.0 } else { drag_nm(velocity) }
         };
         Joint::with(set(share as f32)).run_plant(
-            |plant| plant.seal_mut().set_wear(self.wear),
+            |plant| plant.seal.set_wear(self.wear),
             |master| {
                 enable(master, CSV);
                 if self.adapt != OFF && share > 0.0 {

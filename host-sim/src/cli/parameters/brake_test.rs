@@ -94,7 +94,7 @@ mod tests {
     /// Returns a joint with a holding brake of this torque, Nm, and its test with 10.4 Nm.
     fn joint(brake_nm: f64) -> Driver {
         let mut node = MotorNode::commissioned().expect("a joint");
-        node.rig().plant_mut().add_brake(HoldingBrake::new(brake_nm, 0.03, 0.04));
+        node.rig().plant_mut().brake = Some(HoldingBrake::new(brake_nm, 0.03, 0.04));
         let hub = Hub::new();
         hub.attach(node);
         let bus: Box<dyn Bus> = Box::new(hub.port());

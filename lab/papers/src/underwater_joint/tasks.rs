@@ -248,8 +248,8 @@ pub fn joint(task: Task, conditions: &Conditions) -> JointPlant {
     let p = &conditions.parameters;
     let load = task.load(p);
     let mut plant = JointPlant::with_phase(p, load, conditions.phase_rad, conditions.seed);
-    plant.seal_mut().set_temperature(conditions.temperature_c);
-    plant.seal_mut().set_wear(conditions.wear);
+    plant.seal.set_temperature(conditions.temperature_c);
+    plant.seal.set_wear(conditions.wear);
     plant.hold(true);
     plant
 }

@@ -4,11 +4,8 @@
 //! thermal model) and reads what no sensor of the joint measures.
 
 use super::{JointPlant, Rotor, phases};
-use crate::joint::Joint;
-use crate::joint_plant::brake::HoldingBrake;
 use crate::joint_plant::comparators::Comparators;
 use crate::joint_plant::orders::OrderAnalyser;
-use crate::joint_plant::seal::{Around, Seal};
 use crate::joint_plant::supply::Supply;
 use crate::joint_plant::surroundings::Surroundings;
 use crate::joint_plant::winding::Winding;
@@ -44,11 +41,6 @@ impl JointPlant {
         self.orders.replace(OrderAnalyser::of(order))
     }
 
-    /// Returns the analysis of the motor torque, if one was started.
-    pub fn orders(&self) -> Option<&OrderAnalyser> {
-        self.orders.as_ref()
-    }
-
     /// Starts a record of the true currents after each period, and returns the one before: time since the start, s, and the
     /// currents along and across the magnet, A.
     pub fn record_currents(&mut self) -> Vec<[f64; 3]> {
@@ -75,11 +67,6 @@ impl JointPlant {
         if let Some(rotor) = &mut self.rotor {
             rotor.most_nm = most_nm;
         }
-    }
-
-    /// Adds a holding brake, closed.
-    pub fn add_brake(&mut self, brake: HoldingBrake) {
-        self.brake = Some(brake);
     }
 
     /// Sets whether the coil of the holding brake has power, which releases it. Without a brake it has no effect.
@@ -120,37 +107,10 @@ impl JointPlant {
         }
     }
 
-    /// Returns true if the comparators have opened the bridge. It stays open until [`JointPlant::clear_break`].
-    pub fn is_overcurrent_tripped(&self) -> bool {
-        self.is_tripped
-    }
-
-    /// Clears the break flag of the timer, so that the bridge can close again.
-    pub fn clear_break(&mut self) {
-        self.is_tripped = false;
-    }
-
-    /// Returns the largest phase current near the level of the comparators since the last call, A.
-    ///
-    /// It is 0 if no current was near the level.
-    pub fn take_peak_a(&mut self) -> f64 {
-        std::mem::take(&mut self.peak_a)
-    }
-
     /// Enables the thermal model of the winding, which starts at the water temperature.
     pub fn heat_winding(&mut self) {
         self.winding = Some(Winding::of(&self.p));
         self.step_s = 0.0;
-    }
-
-    /// Returns the thermal state of the winding, if the thermal model is enabled.
-    pub fn winding(&self) -> Option<&Winding> {
-        self.winding.as_ref()
-    }
-
-    /// Sets an external side load, N. It is added to the side load of the load.
-    pub fn set_side_load(&mut self, radial_force_n: f64) {
-        self.pushed_n = radial_force_n;
     }
 
     /// Returns the true currents of phases a, b, c, A.
@@ -172,16 +132,6 @@ impl JointPlant {
         self.current[0] * cosine + self.current[1] * sine
     }
 
-    /// Adds the additive torques of a joint at the output, or replaces those added before.
-    pub fn hide(&mut self, joint: Joint) {
-        self.hidden = Some(joint);
-    }
-
-    /// Puts a stop against positive motion at a position, rad. It takes all of the velocity.
-    pub fn set_stop(&mut self, position_rad: f64) {
-        self.stop_rad = position_rad;
-    }
-
     /// Lets side load, pressure and water temperature follow these courses from now on. Film and thermometer of the seal
     /// start at the water temperature.
     pub fn surround(&mut self, surroundings: Surroundings) {
@@ -189,27 +139,12 @@ impl JointPlant {
         self.p.water_temperature_c = water_c;
         self.seal.set_water(water_c);
         self.seal.set_temperature(water_c);
-        self.pushed_n = surroundings.side_load_n.at(0.0).max(0.0);
+        self.side_load_n = surroundings.side_load_n.at(0.0).max(0.0);
         self.around.pressure_diff_pa = surroundings.pressure_pa.at(0.0);
-        self.around.radial_force_n = self.acting.radial_force_n + self.pushed_n;
+        self.around.radial_force_n = self.acting.radial_force_n + self.side_load_n;
         self.seal.settle(&self.around);
         self.surroundings = Some(surroundings);
         (self.elapsed_s, self.surroundings_due_s) = (0.0, 0.0);
-    }
-
-    /// Sets the pressure difference, Pa.
-    pub fn set_pressure(&mut self, pressure_diff_pa: f64) {
-        self.around.pressure_diff_pa = pressure_diff_pa;
-    }
-
-    /// Returns the seal for changes of temperature or wear.
-    pub fn seal_mut(&mut self) -> &mut Seal {
-        &mut self.seal
-    }
-
-    /// Returns the seal.
-    pub fn seal(&self) -> &Seal {
-        &self.seal
     }
 
     /// Sets the play of a compliant coupling, rad.
@@ -225,11 +160,6 @@ impl JointPlant {
     /// Returns the joint velocity, rad/s.
     pub fn velocity_rad_s(&self) -> f64 {
         self.velocity
-    }
-
-    /// Returns the operating conditions of the seal.
-    pub fn around(&self) -> Around {
-        self.around
     }
 
     /// Returns the true friction of seal and gear, Nm, positive against positive motion.

@@ -252,7 +252,7 @@ fn follow(rig: &mut JointRig, case: &Case, seed: u64, [from_s, to_s]: [f64; 2]) 
         let time_s = 1e-3 * f64::from(ms);
         // The short form has no time for a stop.
         let wear = if is_short { WEAR } else { case.drift.wear(time_s) };
-        rig.plant_mut().seal_mut().set_wear(wear);
+        rig.plant_mut().seal.set_wear(wear);
         motion.set_stopped(!is_short && case.drift.is_stopped(time_s));
         let demand_rad = motion.step(1e-3).position_rad;
         write_target(rig, demand_rad);

@@ -25,7 +25,7 @@ fn friction_nm(has_sensor: bool) -> [f64; 2] {
     let at = rig.plant().position_rad();
     rig.arm(at).expect("it arms");
     PRESSURES_PA.map(|pressure_pa| {
-        rig.plant_mut().set_pressure(pressure_pa);
+        rig.plant_mut().around.pressure_diff_pa = pressure_pa;
         let mut sum = 0.0;
         for k in 0..600 {
             let error = 1.0 - f64::from(rig.master_view().velocity_rad_s);
