@@ -75,8 +75,9 @@ pub fn explained_share(
     let scale = scale.sqrt().max(f64::MIN_POSITIVE);
     let target: Vec<f32> = rows.iter().map(|row| (target[*row] / scale) as f32).collect();
     let weights: Vec<f32> = rows.iter().map(|row| weights[*row] as f32).collect();
-    let mut parts: Vec<Part> =
-        (0..MOST_PARTS).filter_map(|own| Part::new(own, &part, &target, &weights)).collect();
+    let mut parts: Vec<Part> = (0..MOST_PARTS)
+        .filter_map(|held_out_part| Part::new(held_out_part, &part, &target, &weights))
+        .collect();
     grow(&mut parts, &columns, &weights);
     share(&parts, &columns, &target, &weights)
 }
@@ -111,7 +112,7 @@ fn share(
     // Weighted squared error of each row, before and after; `None` for rows that only train.
     let mut errors: Vec<Option<[f64; 2]>> = vec![None; target.len()];
     for part in parts {
-        let others = parts.iter().filter(|other| other.own != part.own);
+        let others = parts.iter().filter(|other| other.held_out_part != part.held_out_part);
         let others: Vec<&[f64]> = others.map(|other| other.errors.as_slice()).collect();
         let error = |trees: &usize| others.iter().map(|errors| errors[*trees]).sum::<f64>();
         let trees = (0..part.errors.len()).min_by(|a, b| error(a).total_cmp(&error(b)));
@@ -123,7 +124,7 @@ fn share(
         }
     }
     let errors: Vec<[f64; 2]> = errors.into_iter().flatten().collect();
-    let add = |sum: [f64; 2], own: &[f64; 2]| [sum[0] + own[0], sum[1] + own[1]];
+    let add = |sum: [f64; 2], errors: &[f64; 2]| [sum[0] + errors[0], sum[1] + errors[1]];
     let [before, after] = errors.iter().fold([0.0; 2], add);
     if after >= before {
         return ExplainedShare::default();
@@ -140,7 +141,7 @@ fn share(
 
 /// The model that does not see one part.
 struct Part {
-    own: usize,
+    held_out_part: usize,
     held_out: Vec<usize>,
     others: Vec<usize>,
     /// Target minus prediction of every row.
@@ -153,20 +154,20 @@ struct Part {
 
 impl Part {
     /// Returns the model of a part; `None` if the part or the rest is empty.
-    fn new(own: usize, part: &[usize], target: &[f32], weights: &[f32]) -> Option<Self> {
+    fn new(held_out_part: usize, part: &[usize], target: &[f32], weights: &[f32]) -> Option<Self> {
         let (held_out, others): (Vec<usize>, Vec<usize>) =
-            (0..part.len()).partition(|row| part[*row] == own);
+            (0..part.len()).partition(|row| part[*row] == held_out_part);
         if held_out.is_empty() || others.is_empty() {
             return None;
         }
         let mut part = Self {
-            own,
+            held_out_part,
             held_out,
             others,
             error: target.to_vec(),
             trees: Vec::new(),
             errors: Vec::new(),
-            random: Pcg64::seed_from_u64(SEED + own as u64),
+            random: Pcg64::seed_from_u64(SEED + held_out_part as u64),
         };
         part.note_error(weights);
         Some(part)

@@ -42,42 +42,44 @@ fn log_share(share: f64) -> f64 {
 
 /// The figures, with the signs and units of the table.
 pub const FIGURES: &[Figure] = &[
-    figure("inclusion", |_, own| {
+    figure("inclusion", |_, evidence| {
         let least = 0.01;
-        ((own.inclusion + least) / (1.0 - own.inclusion + least)).ln()
+        ((evidence.inclusion + least) / (1.0 - evidence.inclusion + least)).ln()
     }),
-    figure("in_best", |_, own| f64::from(u8::from(own.is_in_best))),
-    figure("alone", |_, own| log_share(own.alone)),
-    figure("last", |_, own| log_share(own.last)),
-    figure("irreplaceable", |_, own| log_share(own.irreplaceable)),
+    figure("in_best", |_, evidence| f64::from(u8::from(evidence.is_in_best))),
+    figure("alone", |_, evidence| log_share(evidence.alone)),
+    figure("last", |_, evidence| log_share(evidence.last)),
+    figure("irreplaceable", |_, evidence| log_share(evidence.irreplaceable)),
     // What the cause takes last, beside what the best hypothesis leaves.
-    figure("last_of_left", |outcome, own| log_share(own.last / outcome.error_ratio.max(1e-9))),
+    figure("last_of_left", |outcome, evidence| {
+        log_share(evidence.last / outcome.error_ratio.max(1e-9))
+    }),
     // RMS of what the cause takes last, in noise floors.
-    figure("floors_taken", |outcome, own| {
-        (own.last.max(0.0).sqrt() * outcome.base_floors).max(1e-2).ln()
+    figure("floors_taken", |outcome, evidence| {
+        (evidence.last.max(0.0).sqrt() * outcome.base_floors).max(1e-2).ln()
     }),
     // A model that leaves much more than noise is inaccurate, and causes repair it by chance.
     figure("floors_left", |outcome, _| -outcome.floors.max(1e-2).ln()),
-    figure("last_in_errors", |_, own| own.last_in_errors.clamp(-3.0, 30.0).max(0.1).ln()),
-    figure("units_gained", |_, own| own.units_gained),
-    figure("torque_share", |_, own| log_share(own.torque_share)),
-    figure("laws", |_, own| own.laws),
+    figure("last_in_errors", |_, evidence| evidence.last_in_errors.clamp(-3.0, 30.0).max(0.1).ln()),
+    figure("units_gained", |_, evidence| evidence.units_gained),
+    figure("torque_share", |_, evidence| log_share(evidence.torque_share)),
+    figure("laws", |_, evidence| evidence.laws),
     // A law with slip of a free shape takes what an inaccurate law misses.
-    figure("beside_slip", |_, own| log_share(own.beside_slip)),
-    figure("size_in_errors", |_, own| own.size_in_errors.clamp(0.1, 100.0).ln()),
-    figure("rivals", |_, own| -(own.confusable_with.len() as f64)),
+    figure("beside_slip", |_, evidence| log_share(evidence.beside_slip)),
+    figure("size_in_errors", |_, evidence| evidence.size_in_errors.clamp(0.1, 100.0).ln()),
+    figure("rivals", |_, evidence| -(evidence.confusable_with.len() as f64)),
     // Share of the candidates' materiality that is this one's.
-    figure("dominance", |outcome, own| {
+    figure("dominance", |outcome, evidence| {
         let all: f64 = outcome.causes.iter().map(|other| other.materiality().max(0.0)).sum();
-        own.materiality().max(0.0) / all.max(1e-9)
+        evidence.materiality().max(0.0) / all.max(1e-9)
     }),
     figure("candidates", |outcome, _| -(outcome.causes.len() as f64).ln()),
     figure("runs", |outcome, _| (outcome.runs.max(1) as f64).ln()),
 ];
 
 /// Returns the figures of a candidate, in the order of [`FIGURES`].
-pub fn figures(outcome: &Outcome, own: &Figures) -> Vec<f64> {
-    FIGURES.iter().map(|figure| (figure.of)(outcome, own)).collect()
+pub fn figures(outcome: &Outcome, evidence: &Figures) -> Vec<f64> {
+    FIGURES.iter().map(|figure| (figure.of)(outcome, evidence)).collect()
 }
 
 /// Invalid table of a calibration.
@@ -123,9 +125,9 @@ impl ContestCalibration {
     }
 
     /// Returns the probability of a candidate of a contest.
-    pub fn probability(&self, outcome: &Outcome, own: &Figures) -> f64 {
-        let key = &own.key;
-        self.probability_of(key.cause, &key.follows(), &figures(outcome, own))
+    pub fn probability(&self, outcome: &Outcome, evidence: &Figures) -> f64 {
+        let key = &evidence.key;
+        self.probability_of(key.cause, &key.follows(), &figures(outcome, evidence))
     }
 
     /// Returns the probability of a cause with given figures.
@@ -188,15 +190,18 @@ mod tests {
     #[test]
     fn calibrated_between_steps_is_interpolated_and_bounded() {
         let steps = vec![(-1.0, 0.0), (1.0, 0.5), (2.0, 1.0)];
-        let own = ContestCalibration { steps, ..ContestCalibration::default() };
-        assert!((own.calibrated(0.0) - 0.25).abs() < 1e-12);
-        assert!((own.calibrated(1.5) - 0.75).abs() < 1e-12);
-        assert_eq!((own.calibrated(-9.0), own.calibrated(9.0)), (BOUNDS.0, BOUNDS.1));
+        let calibration = ContestCalibration { steps, ..ContestCalibration::default() };
+        assert!((calibration.calibrated(0.0) - 0.25).abs() < 1e-12);
+        assert!((calibration.calibrated(1.5) - 0.75).abs() < 1e-12);
+        assert_eq!(
+            (calibration.calibrated(-9.0), calibration.calibrated(9.0)),
+            (BOUNDS.0, BOUNDS.1)
+        );
     }
 
     #[test]
     fn probability_without_table_names_nothing() {
-        let own = ContestCalibration::NONE;
-        assert_eq!(own.probability_of("backlash", "", &[9.0; FIGURES.len()]), BOUNDS.0);
+        let calibration = ContestCalibration::NONE;
+        assert_eq!(calibration.probability_of("backlash", "", &[9.0; FIGURES.len()]), BOUNDS.0);
     }
 }

@@ -64,8 +64,8 @@ fn with_motion(noise: f64, tracks: &[Track]) -> f64 {
 /// In a slowly sampled log, the torque changes between two rows, and its second differences count
 /// this change as noise. The second differences of the residual do not.
 pub fn lower_floor(floor: f64, tracks: &[Track], after: &Predicted) -> f64 {
-    let own = white_noise(after.residuals.iter().map(Vec::as_slice));
-    if own > 0.0 { floor.min(with_motion(own, tracks)) } else { floor }
+    let noise = white_noise(after.residuals.iter().map(Vec::as_slice));
+    if noise > 0.0 { floor.min(with_motion(noise, tracks)) } else { floor }
 }
 
 /// Returns the noise floor of a log whose torque and noise passed a low-pass, Nm RMS; 0 for any
@@ -135,9 +135,9 @@ fn of_runs(tracks: &[Track], before: &Predicted, after: &Predicted) -> Vec<[f64;
     let mut sums = std::collections::BTreeMap::new();
     let residuals = before.residuals.iter().zip(&after.residuals);
     for (track, (before, after)) in tracks.iter().zip(residuals) {
-        let own: &mut [f64; 2] = sums.entry(track.run).or_default();
-        own[0] += before.iter().map(|r| r * r).sum::<f64>();
-        own[1] += after.iter().map(|r| r * r).sum::<f64>();
+        let sum: &mut [f64; 2] = sums.entry(track.run).or_default();
+        sum[0] += before.iter().map(|r| r * r).sum::<f64>();
+        sum[1] += after.iter().map(|r| r * r).sum::<f64>();
     }
     sums.into_values().collect()
 }

@@ -97,7 +97,7 @@ pub fn most_informative(
         let shown = causes.iter().filter(|(cause, _)| experiment.shows.contains(cause));
         shown.map(|(_, p)| 2.0 * p * (1.0 - p)).sum()
     };
-    let possible = EXPERIMENTS.iter().filter(|own| own.needs.is_none_or(&is_logged));
+    let possible = EXPERIMENTS.iter().filter(|experiment| experiment.needs.is_none_or(&is_logged));
     let best = possible.max_by(|a, b| change(a).total_cmp(&change(b)))?;
     (change(best) > 0.0).then_some(best)
 }
@@ -138,7 +138,10 @@ mod tests {
             assert!(experiment.shows.iter().all(|cause| known.contains(cause)), "{experiment:?}");
         }
         for cause in known {
-            assert!(EXPERIMENTS.iter().any(|own| own.shows.contains(&cause)), "{cause}");
+            assert!(
+                EXPERIMENTS.iter().any(|experiment| experiment.shows.contains(&cause)),
+                "{cause}"
+            );
         }
     }
 }

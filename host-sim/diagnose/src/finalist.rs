@@ -65,9 +65,9 @@ pub struct FittedFinalist {
 /// Returns the law of the core that is nearest to a law of the contest. A gap, an age of the contact and a changing side load
 /// act through bristles.
 pub fn law_kind(start: &LawStart, causes: &[FinalistCause]) -> LawKind {
-    let needs_bristles = causes
-        .iter()
-        .any(|own| ["backlash", "dwell-time-static", "radial-force-rate"].contains(&own.key.cause));
+    let needs_bristles = causes.iter().any(|cause| {
+        ["backlash", "dwell-time-static", "radial-force-rate"].contains(&cause.key.cause)
+    });
     let has_curve = start.static_excess > 0.0;
     match start.name {
         "linear" if !needs_bristles => LawKind::Linear,
@@ -95,8 +95,11 @@ pub fn law_parameters(
     };
     // A backlash has a stop of its own, behind the gap.
     let gap = gap(causes);
-    let behind: f64 =
-        causes.iter().filter(|own| own.key.cause == "backlash").map(|own| own.sizes[0]).sum();
+    let behind: f64 = causes
+        .iter()
+        .filter(|cause| cause.key.cause == "backlash")
+        .map(|cause| cause.sizes[0])
+        .sum();
     let coulomb = (start.coulomb + behind).max(0.02 * scales.torque);
     let level = coulomb + start.static_excess;
     set(Id::CoulombTorque, coulomb);
@@ -216,7 +219,7 @@ pub fn fit_finalist(
         (0..finalist.causes.len()).filter(|at| is_meant(&finalist.causes[*at])).collect();
     let first = law_start(log, finalist, &law)?;
     let at_once = fit_start(log, with_causes(log, finalist, &first, &meant)?)?;
-    let error = |own: &FittedFinalist| own.held_out.metrics.rmse.powi(2);
+    let error = |fitted: &FittedFinalist| fitted.held_out.metrics.rmse.powi(2);
     let before = one_step_left_out(log, log, base).metrics.rmse.powi(2);
     let promised = 1.0 - (finalist.rmse / finalist.law_rmse.max(f64::MIN_POSITIVE)).powi(2);
     if meant.is_empty() || 1.0 - error(&at_once) / before >= KEPT * promised {

@@ -193,13 +193,13 @@ fn run_rows(run: usize) -> Vec<LogRow> {
             advance_bristles(&mut stribeck_bristle_share, travel, TRAVEL_RAD, level);
         }
         let pressure_wave = (6.1 * time_s + 2.0 * phase).sin();
-        let own_wave = (10.3 * time_s + 0.7 * phase).sin();
+        let free_wave = (10.3 * time_s + 0.7 * phase).sin();
         LogRow {
             run,
             time_s,
             velocity_rad_s: velocity(time_s),
             pressure_mpa: 0.5 + 0.4 * pressure_wave,
-            temperature_c: 30.0 + 5.0 * (pressure_wave + 0.6 * own_wave),
+            temperature_c: 30.0 + 5.0 * (pressure_wave + 0.6 * free_wave),
             bristle_share,
             soft_bristle_share,
             stribeck_bristle_share,

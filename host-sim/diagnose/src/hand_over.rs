@@ -116,19 +116,19 @@ impl HandOver {
     pub fn for_pc(&self) -> Option<&LinearAnswer> {
         match self.on_pc {
             HandedOver::Plain => Some(&self.plain.model),
-            _ => self.linear_model().map(|own| &own.model),
+            _ => self.linear_model().map(|linear| &linear.model),
         }
     }
 }
 
 /// Describes what `params.toml` holds for a PC and for a driver, with the held-out errors.
 pub fn in_words(found: &Diagnosis) -> String {
-    let own = &found.hand_over;
+    let choice = &found.hand_over;
     let unit = found.log.train.joint.torque_unit();
     let rmse = |predicted: &Predicted| format!("{} {unit}", significant(predicted.metrics.rmse, 3));
     let driver = found.transferable_model().spec;
-    let plain = rmse(&own.plain.held_out);
-    let on_pc = match own.on_pc {
+    let plain = rmse(&choice.plain.held_out);
+    let on_pc = match choice.on_pc {
         HandedOver::Plain => {
             return format!(
                 "params.toml has plain friction ({driver} for a driver): on held-out rows no other possible model errs clearly \
@@ -138,12 +138,12 @@ pub fn in_words(found: &Diagnosis) -> String {
         HandedOver::Baseline | HandedOver::Extended => format!("params.toml has {driver}"),
         HandedOver::Linear => format!(
             "params.toml has {} for predict on a PC, and {driver} for a driver",
-            own.linear.as_ref().map(|linear| linear.model.model.name()).unwrap_or_default()
+            choice.linear.as_ref().map(|linear| linear.model.model.name()).unwrap_or_default()
         ),
     };
-    let error = match own.linear_model() {
+    let error = match choice.linear_model() {
         Some(linear) => &linear.held_out,
-        None if own.on_pc == HandedOver::Baseline => &found.before,
+        None if choice.on_pc == HandedOver::Baseline => &found.before,
         None => &found.after,
     };
     format!("{on_pc}: {} on held-out rows, plain friction {plain}.", rmse(error))
@@ -173,7 +173,8 @@ impl BesidePlain {
         let (train, test) = (input.train_rows(), input.test_rows());
         let plain = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
         // What a file holds is the form for a driver.
-        let on_test = |own: &Outcome| predict(&own.for_driver().parameters, test, own.resolution);
+        let on_test =
+            |outcome: &Outcome| predict(&outcome.for_driver().parameters, test, outcome.resolution);
         let is_judged = fit.test.rows as f64 >= MIN_HELD_OUT * fit.train.rows as f64;
         let gains = is_judged && plain.test.rmse <= (1.0 - MIN_GAIN) * fit.for_driver().test.rmse;
         let is_better =
@@ -189,15 +190,17 @@ impl BesidePlain {
 
     /// Describes the choice in a sentence.
     pub fn in_words(&self, fit: &Outcome, unit: &str) -> String {
-        let rmse = |own: &Outcome| format!("{} {unit}", significant(own.for_driver().test.rmse, 3));
-        let (plain, own) = (rmse(&self.plain), rmse(fit));
+        let rmse = |outcome: &Outcome| {
+            format!("{} {unit}", significant(outcome.for_driver().test.rmse, 3))
+        };
+        let (plain, fitted) = (rmse(&self.plain), rmse(fit));
         match self.handed_over {
             HandedOver::Plain => format!(
-                "params.toml has plain friction ({}): {plain} on held-out rows, {} {own}.",
+                "params.toml has plain friction ({}): {plain} on held-out rows, {} {fitted}.",
                 self.plain.spec, fit.spec
             ),
             _ => format!(
-                "params.toml has {}: {own} on held-out rows, plain friction {plain}.",
+                "params.toml has {}: {fitted} on held-out rows, plain friction {plain}.",
                 fit.spec
             ),
         }
@@ -229,7 +232,7 @@ pub(super) fn is_possible(law: &Parameters<f64>, log: &TrainTest) -> bool {
         (Id::CoulombTorque, Id::StaticTorque),
         (Id::CoulombTorqueNegative, Id::StaticTorqueNegative),
     ];
-    let is_active = |id| law.active().any(|own| own == id);
+    let is_active = |id| law.active().any(|active| active == id);
     let carried = if CARRYING.into_iter().any(is_active) { scales.torque } else { 0.0 };
     let is_shown = value(Id::StribeckVelocity) >= scales.slow_speed;
     let has_possible_level = |(coulomb, breakaway): (Id, Id)| {
@@ -249,13 +252,14 @@ pub(super) fn simplest_of_best(
     tracks: &[Track],
     candidates: &[(HandedOver, &Predicted)],
 ) -> HandedOver {
-    let error = |own: &Predicted| own.metrics.rmse;
+    let error = |held_out: &Predicted| held_out.metrics.rmse;
     let best = candidates.iter().min_by(|a, b| error(a.1).total_cmp(&error(b.1)));
     let Some((_, best)) = best else { return HandedOver::default() };
-    let is_as_good = |own: &Predicted| {
-        error(best) >= (1.0 - MIN_GAIN) * error(own) || paired(tracks, own, best) < AS_GOOD
+    let is_as_good = |held_out: &Predicted| {
+        error(best) >= (1.0 - MIN_GAIN) * error(held_out)
+            || paired(tracks, held_out, best) < AS_GOOD
     };
-    let simplest = candidates.iter().find(|(_, own)| is_as_good(own));
+    let simplest = candidates.iter().find(|(_, held_out)| is_as_good(held_out));
     simplest.map_or(HandedOver::default(), |(what, _)| *what)
 }
 
@@ -276,7 +280,10 @@ pub(super) fn linear_on(
         let measured = data.runs.iter().flat_map(|run| run.torque.iter());
         let predicted = answer.model.predict(data, &answer.measurement);
         let sign = answer.measurement.torque_sign;
-        let residual = measured.zip(predicted).map(|(torque, own)| sign * (torque - own)).collect();
+        let residual = measured
+            .zip(predicted)
+            .map(|(torque, predicted)| sign * (torque - predicted))
+            .collect();
         (&judged.test_tracks, residual, first_rows(data.runs.iter().map(|run| run.len())))
     };
     let torque = |track: &Track| -> Vec<f64> {

@@ -46,7 +46,9 @@ pub fn leading_fault<'a>(
 ) -> Option<&'a LogFinding> {
     let fails = after.nrmse_std * after.nrmse_std > MIN_LEFT;
     let takes_most = |kind: Kind| {
-        corrected.is_some_and(|own| own.kind == kind && own.gain > most_of_causes.max(MIN_GAIN))
+        corrected.is_some_and(|corrected| {
+            corrected.kind == kind && corrected.gain > most_of_causes.max(MIN_GAIN)
+        })
     };
     let leads = |fault: &&LogFinding| match fault.corrected {
         true => fault.kind == Kind::SignSuspect || takes_most(fault.kind),

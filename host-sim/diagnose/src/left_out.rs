@@ -78,24 +78,24 @@ pub fn one_step_left_out(fitted: &TrainTest, judged: &TrainTest, model: &FittedM
     let mut whole = predict(&model.parameters, judged.train_rows(), model.resolution);
     let total = products
         .iter()
-        .fold(DMatrix::zeros(model.free.len() + 1, model.free.len() + 1), |sum, own| sum + own);
+        .fold(DMatrix::zeros(model.free.len() + 1, model.free.len() + 1), |sum, part| sum + part);
     let parts: Vec<Option<Predicted>> = (0..count)
         .into_par_iter()
-        .map(|own| {
-            let step = step(&(&total - &products[own]))?;
-            stepped(judged, model, &step, &whole, (&groups, own))
+        .map(|left| {
+            let step = step(&(&total - &products[left]))?;
+            stepped(judged, model, &step, &whole, (&groups, left))
         })
         .collect();
-    for (own, part) in parts.iter().enumerate() {
+    for (left, part) in parts.iter().enumerate() {
         let Some(part) = part else { continue };
         for (track, groups) in groups.iter().enumerate() {
             for (row, torque) in whole.torque[track].iter_mut().enumerate() {
-                if groups[row / judged.decimate] == own {
+                if groups[row / judged.decimate] == left {
                     *torque = part.torque[track][row];
                 }
             }
             for (row, residual) in whole.residuals[track].iter_mut().enumerate() {
-                if groups[row.min(groups.len() - 1)] == own {
+                if groups[row.min(groups.len() - 1)] == left {
                     *residual = part.residuals[track][row];
                 }
             }
@@ -115,8 +115,8 @@ fn group_products(
     let at = sensitivities(&model.parameters, &model.free, &log.train_tracks, model.resolution);
     let size = model.free.len() + 1;
     let tracks: Vec<_> = log.train_tracks.iter().zip(&at.tracks).zip(groups).collect();
-    let of_track = |((track, own), groups): &((&Track, &_), &Vec<usize>)| {
-        let columns = columns(log, &at, (track, own), &[]);
+    let of_track = |((track, along), groups): &((&Track, &_), &Vec<usize>)| {
+        let columns = columns(log, &at, (track, along), &[]);
         let mut sums = vec![DMatrix::zeros(size, size); count];
         let mut from = 0;
         while from < columns[0].len() {
@@ -132,7 +132,7 @@ fn group_products(
     let parts: Vec<Vec<DMatrix<f64>>> = tracks.par_iter().map(of_track).collect();
     let mut sums = vec![DMatrix::zeros(size, size); count];
     for part in parts {
-        sums.iter_mut().zip(part).for_each(|(sum, own)| *sum += own);
+        sums.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
     }
     sums
 }
@@ -156,13 +156,13 @@ fn stepped(
     model: &FittedModel,
     step: &DVector<f64>,
     whole: &Predicted,
-    (groups, own): (&[Vec<usize>], usize),
+    (groups, left): (&[Vec<usize>], usize),
 ) -> Option<Predicted> {
     let outside = |predicted: &Predicted| -> f64 {
         let tracks = predicted.residuals.iter().zip(groups);
         let rows = tracks.flat_map(|(residuals, groups)| {
             let rows = residuals.iter().enumerate();
-            rows.filter(|(row, _)| groups[(*row).min(groups.len() - 1)] != own)
+            rows.filter(|(row, _)| groups[(*row).min(groups.len() - 1)] != left)
         });
         rows.map(|(_, residual)| residual * residual).sum()
     };
@@ -215,8 +215,8 @@ fn goes_beyond(tracks: &[Track]) -> bool {
     let mut fastest = [0.0f64; MOST_FITS];
     for track in tracks {
         let speeds = track.samples.iter().map(|sample| sample.velocity_rad_s.abs());
-        let own = &mut fastest[track.run % MOST_FITS];
-        *own = speeds.fold(*own, f64::max);
+        let speed = &mut fastest[track.run % MOST_FITS];
+        *speed = speeds.fold(*speed, f64::max);
     }
     fastest.sort_by(f64::total_cmp);
     fastest[MOST_FITS - 1] > FASTER * fastest[MOST_FITS - 2]
@@ -252,14 +252,14 @@ mod tests {
     fn refitted_left_out(log: &TrainTest, model: &FittedModel) -> f64 {
         assert_eq!(unit(log), LeftOut::Runs);
         let mut residuals = Vec::new();
-        for own in 0..log.train.runs.len() {
+        for run in 0..log.train.runs.len() {
             let mut others = log.clone();
-            others.train_tracks.retain(|track| track.run != own);
+            others.train_tracks.retain(|track| track.run != run);
             let other = fitted(&others, &model.spec, Some(&model.parameters), &[], None);
             let other = other.expect("a law without terms");
             let predicted = predict(&other.parameters, log.train_rows(), model.resolution);
             let tracks = log.train_tracks.iter().zip(predicted.residuals);
-            residuals.extend(tracks.filter(|(track, _)| track.run == own).flat_map(|own| own.1));
+            residuals.extend(tracks.filter(|(track, _)| track.run == run).flat_map(|left| left.1));
         }
         let squares: f64 = residuals.iter().map(|residual| residual * residual).sum();
         (squares / residuals.len() as f64).sqrt()

@@ -288,7 +288,8 @@ pub fn diagnose(
         let (after, log, seed) = (&after, &log, question.seed);
         let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
         findings.extend(
-            cause::named("unknown").map(|own| Finding::observed(own, cause::unexplained(&rest))),
+            cause::named("unknown")
+                .map(|cause| Finding::observed(cause, cause::unexplained(&rest))),
         );
     }
     let log_findings: Vec<LogFinding> =

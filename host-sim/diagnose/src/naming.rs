@@ -119,12 +119,12 @@ fn periods(figures: &Figures, rows: &Rows) -> Option<f64> {
 }
 
 /// Returns the causes that stand in for one of them.
-pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCause> {
+pub fn confounded(weighed: &[WeighedCause], figures: &Figures) -> Vec<ConfoundedCause> {
     let rival = |key: &CauseKey| {
         // A cause with the same columns as the first one never wins a draw, so it is no candidate.
         let other = weighed.iter().find(|other| other.figures.key == *key);
-        let alone = other.map_or(own.alone, |other| other.figures.alone);
-        let share = (alone / own.alone.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let alone = other.map_or(figures.alone, |other| other.figures.alone);
+        let share = (alone / figures.alone.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         Some(ConfoundedCause {
             cause: cause::named(key.cause)?,
             columns: key.columns.clone(),
@@ -132,7 +132,7 @@ pub fn confounded(weighed: &[WeighedCause], own: &Figures) -> Vec<ConfoundedCaus
         })
     };
     // A curve without a cause is no answer that another experiment could choose.
-    own.confusable_with.iter().filter(|key| key.cause != "unknown").filter_map(rival).collect()
+    figures.confusable_with.iter().filter(|key| key.cause != "unknown").filter_map(rival).collect()
 }
 
 #[cfg(test)]
@@ -141,15 +141,15 @@ mod tests {
 
     fn weighed(name: &'static str, no_effect: &Size) -> WeighedCause {
         let key = CauseKey { cause: name, columns: Vec::new() };
-        let mut own = WeighedCause {
+        let mut cause = WeighedCause {
             cause: cause::named(name).expect("a cause"),
             figures: Figures { key, ..Figures::default() },
             probability: 0.95,
             shortfall: None,
             rejection: None,
         };
-        own.check_size(no_effect, cause_least(name));
-        own
+        cause.check_size(no_effect, cause_least(name));
+        cause
     }
 
     fn cause_least(name: &str) -> Option<f64> {

@@ -140,19 +140,20 @@ pub fn shares<P>(
             let (mut count, mut sum, mut error) = (0usize, 0.0, 0.0);
             let mut by_track = Vec::with_capacity(tracks.len());
             for (index, track) in tracks.iter().enumerate() {
-                let mut own = 0.0;
+                let mut of_track = 0.0;
                 for row in (0..track.len()).filter(|row| is_in(index, *row, part)) {
                     let residual = at.tracks[index].residual[row];
                     count += 1;
                     sum += residual;
-                    own += residual * residual;
+                    of_track += residual * residual;
                 }
-                error += own;
-                by_track.push((own, squares(index)));
+                error += of_track;
+                by_track.push((of_track, squares(index)));
             }
             let share = error / total;
             // Linearised standard error of a ratio of sums, from the deviation of each track.
-            let pulls: f64 = by_track.iter().map(|(own, all)| (own - share * all).powi(2)).sum();
+            let pulls: f64 =
+                by_track.iter().map(|(of_track, all)| (of_track - share * all).powi(2)).sum();
             let n = count.max(1) as f64;
             Share {
                 name: name.clone(),

@@ -37,7 +37,8 @@ impl RigidBodyHint {
         rows.rigid_body = all;
         let with_parts = plain(rows);
         rows.rigid_body = given;
-        let [rmse, rmse_with_parts] = [without, &with_parts].map(|own| held_out_rmse(rows, own));
+        let [rmse, rmse_with_parts] =
+            [without, &with_parts].map(|model| held_out_rmse(rows, model));
         let parts = all.terms().into_iter().filter_map(rigid_body_name).collect();
         (rmse_with_parts <= (1.0 - MIN_FALL) * rmse).then_some(Self {
             parts,

@@ -103,7 +103,7 @@ fn along(
     resolution: Resolution,
 ) -> TrackSensitivities {
     let ByParameters { parameters, columns } = *model;
-    let column = |id: Id| columns.iter().position(|own| *own == id);
+    let column = |id: Id| columns.iter().position(|column| *column == id);
     let coulomb: Vec<usize> = [Id::CoulombTorque, Id::CoulombTorqueNegative]
         .into_iter()
         .chain([Id::StaticTorque, Id::StaticTorqueNegative])

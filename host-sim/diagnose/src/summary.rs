@@ -144,7 +144,8 @@ fn next_recording(diagnosis: &Diagnosis) -> String {
             least.zip(most).map(|(least, most)| (most - least, most.abs().max(least.abs())));
         range.is_some_and(|(range, size)| range <= NEARLY_CONSTANT * size)
     };
-    let known = COVARIATES.iter().map(|own| (name_in(*own, diagnosis), own.info().label));
+    let known =
+        COVARIATES.iter().map(|quantity| (name_in(*quantity, diagnosis), quantity.info().label));
     let known = known.chain([("payload_kg", "payload")]);
     let constant: Vec<&str> =
         known.filter(|(name, _)| is_constant(name)).map(|(_, label)| label).collect();
@@ -164,7 +165,8 @@ fn unused_load(diagnosis: &Diagnosis) -> Option<String> {
     let log = &diagnosis.log;
     let is_unused = log.varies(name) && !log.rigid_body.contains(&TermKind::LoadGain);
     let is_body = |finding: &Finding| matches!(finding.cause.remedy(), Remedy::RigidBody(_));
-    let asks = diagnosis.findings.iter().any(|own| is_body(own) || !own.cause.is_named());
+    let asks =
+        diagnosis.findings.iter().any(|finding| is_body(finding) || !finding.cause.is_named());
     (is_unused && asks).then(|| {
         let given = log.rigid_body.iter().filter_map(|term| rigid_body_name(*term));
         let parts: Vec<&str> = given.chain(["load"]).collect();
@@ -211,9 +213,11 @@ struct Doubt<'a> {
 /// Returns the causes that are possible and not named, most likely first.
 fn doubts(diagnosis: &Diagnosis) -> Vec<Doubt<'_>> {
     let candidates = diagnosis.candidates.iter();
-    let candidates =
-        candidates.map(|own| (own.cause.name(), own.probability, own.rejection.as_ref()));
-    let is_named = |name: &str| diagnosis.findings.iter().any(|own| own.cause.name() == name);
+    let candidates = candidates.map(|candidate| {
+        (candidate.cause.name(), candidate.probability, candidate.rejection.as_ref())
+    });
+    let is_named =
+        |name: &str| diagnosis.findings.iter().any(|finding| finding.cause.name() == name);
     let mut doubts: Vec<Doubt> = candidates
         .filter(|(cause, probability, _)| *probability >= POSSIBLE && !is_named(cause))
         .map(|(cause, probability, rejection)| {
@@ -242,7 +246,8 @@ fn unnamed(doubts: &[Doubt], threshold: f64) -> String {
     let (likely, unlikely): (Vec<&Doubt>, Vec<&Doubt>) =
         doubts.iter().partition(|doubt| doubt.probability >= threshold);
     let mut text = String::new();
-    let possible: Vec<&Doubt> = unlikely.into_iter().filter(|own| own.refusal.is_none()).collect();
+    let possible: Vec<&Doubt> =
+        unlikely.into_iter().filter(|doubt| doubt.refusal.is_none()).collect();
     if !possible.is_empty() {
         text += &format!(
             " Possible, but not likely enough to be named: {}.",

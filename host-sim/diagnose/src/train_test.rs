@@ -341,8 +341,8 @@ impl TrainTest {
             .collect();
         let runs = &self.train.runs;
         let (mut extras, mut notes) = (Vec::new(), Vec::new());
-        let own = self.train.covariates.iter().enumerate();
-        for (index, name) in own.filter(|(_, name)| !contract::is_joint_position(name)) {
+        let columns = self.train.covariates.iter().enumerate();
+        for (index, name) in columns.filter(|(_, name)| !contract::is_joint_position(name)) {
             let of = |run: &Run| run.extra[index].clone();
             let torque = |run: &Run| run.torque.clone();
             if self.varies(name) {

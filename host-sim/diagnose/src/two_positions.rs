@@ -141,16 +141,16 @@ impl TwoPositions {
         let part = |fold: usize| Regression::new(&blocks, move |at| at % folds != fold);
         let parts: Vec<Regression> = (0..folds).map(part).collect();
         let all = Regression::new(&blocks, |_| true);
-        let (own, lost) = (all.play(), all.lost_motion());
+        let (with_play, lost) = (all.play(), all.lost_motion());
         let with: Vec<Fit> = parts.iter().map(Regression::play).collect();
         let without: Vec<Fit> = parts.iter().map(Regression::torsion).collect();
         let seen = HeldOut::new(&blocks, &without, &with);
         let behind = Behind::new(&positions, &lost, blocks.operators[lost.operator], folds);
-        let lost_parts: Vec<f64> = parts.iter().map(|own| own.lost_motion().size).collect();
+        let lost_parts: Vec<f64> = parts.iter().map(|part| part.lost_motion().size).collect();
         let play = play(lost.size, &behind, &lost_parts, blocks.quantum);
         let play = Size::with_interval(play.0, play.1, data.joint.position_unit());
-        let torsion = blocks.torsion_rms(&own.coefficients);
-        let travel = blocks.operators[own.operator].travel;
+        let torsion = blocks.torsion_rms(&with_play.coefficients);
+        let travel = blocks.operators[with_play.operator].travel;
         let over =
             |value: f64, unit: f64| (value / unit.max(f64::MIN_POSITIVE)).clamp(1e-2, 1e2).ln();
         let [lag_errors, lag_share] = behind.seen.figures();
@@ -158,12 +158,12 @@ impl TwoPositions {
             seen.figures()[0],
             over(play.value, seen.rest),
             over(play.value, torsion),
-            -over(travel, own.size).abs(),
+            -over(travel, with_play.size).abs(),
             lag_errors,
             lag_share,
             behind.by_lag,
         ];
-        let is_possible = own.size > 0.0 && play.value > 0.0;
+        let is_possible = with_play.size > 0.0 && play.value > 0.0;
         Ok(Self {
             column,
             probability: if is_possible {
@@ -215,42 +215,44 @@ impl TwoPositions {
     /// torque gains by it on held-out rows, so that its compensation is fitted.
     pub fn weigh(&self, weighed: &mut [WeighedCause]) {
         if self.is_named() {
-            let gains = |own: &&mut WeighedCause| {
-                own.cause.name() == BACKLASH && own.figures.last_in_errors > MIN_GAIN_ERRORS
+            let gains = |cause: &&mut WeighedCause| {
+                cause.cause.name() == BACKLASH && cause.figures.last_in_errors > MIN_GAIN_ERRORS
             };
-            for own in weighed.iter_mut().filter(gains) {
-                own.probability = own.probability.max(self.probability);
+            for cause in weighed.iter_mut().filter(gains) {
+                cause.probability = cause.probability.max(self.probability);
             }
             return;
         }
-        for own in weighed.iter_mut().filter(|own| own.is_named() && own.cause.name() == BACKLASH) {
+        for cause in
+            weighed.iter_mut().filter(|cause| cause.is_named() && cause.cause.name() == BACKLASH)
+        {
             let why = format!(
                 "{} and the motor's position show play with a probability of {:.2} only",
                 self.column, self.probability
             );
             let limit = self.probability.min(MAY_BE_NONE);
-            own.reject(limit, Rejection::new(&rules::NO_PLAY_BETWEEN_POSITIONS, why));
+            cause.reject(limit, Rejection::new(&rules::NO_PLAY_BETWEEN_POSITIONS, why));
         }
     }
 
     /// Adds the finding of play, or completes that of the torque, and keeps the order by probability.
     pub fn add_to(&self, findings: &mut Vec<Finding>) {
         let Some(backlash) = cause::named(BACKLASH).filter(|_| self.is_named()) else { return };
-        let mut own = Finding::observed(backlash, self.observation());
-        own.probability = self.probability;
+        let mut finding = Finding::observed(backlash, self.observation());
+        finding.probability = self.probability;
         if let Some(at) = findings.iter().position(|other| other.cause.name() == BACKLASH) {
             let of_torque = findings.remove(at);
             if of_torque.is_in_model {
                 let travel = of_torque.size.in_words();
-                own.in_words += &format!("; its compensation has a travel of {travel}");
+                finding.in_words += &format!("; its compensation has a travel of {travel}");
             }
-            own.probability = own.probability.max(of_torque.probability);
-            own.share_of_residual = of_torque.share_of_residual;
-            own.is_in_model = of_torque.is_in_model;
-            own.evidence = of_torque.evidence;
+            finding.probability = finding.probability.max(of_torque.probability);
+            finding.share_of_residual = of_torque.share_of_residual;
+            finding.is_in_model = of_torque.is_in_model;
+            finding.evidence = of_torque.evidence;
         }
-        let place = findings.partition_point(|other| other.probability >= own.probability);
-        findings.insert(place, own);
+        let place = findings.partition_point(|other| other.probability >= finding.probability);
+        findings.insert(place, finding);
     }
 
     fn observation(&self) -> Observation {
@@ -273,10 +275,11 @@ const BACKLASH: &str = "backlash";
 fn play(lost: f64, behind: &Behind, parts: &[f64], quantum: f64) -> (f64, [f64; 2]) {
     let share = behind.share();
     let value = lost * share;
-    let folds: Vec<f64> = parts.iter().zip(&behind.parts).map(|(lost, own)| lost * own).collect();
+    let folds: Vec<f64> =
+        parts.iter().zip(&behind.parts).map(|(lost, share)| lost * share).collect();
     let count = folds.len() as f64;
     let mean = folds.iter().sum::<f64>() / count;
-    let squares = folds.iter().map(|own| (own - mean).powi(2)).sum::<f64>();
+    let squares = folds.iter().map(|fold| (fold - mean).powi(2)).sum::<f64>();
     // A delete-one jackknife over the folds. A step of the encoder is never resolved.
     let of_folds = (count - 1.0) / count * squares + quantum * quantum / 12.0;
     let open = LEAST_SHARE_ERROR.max(4.0 * share * (1.0 - share));

@@ -38,7 +38,12 @@ pub fn weighed(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
             .map(|track| {
                 let torque = follow(&model.parameters, track, model.resolution, None);
                 track.motion_error = errors(&model.parameters, track, model.resolution, &torque);
-                track.torque.iter().zip(&torque).map(|(own, torque)| own - torque).collect()
+                track
+                    .torque
+                    .iter()
+                    .zip(&torque)
+                    .map(|(measured, torque)| measured - torque)
+                    .collect()
             })
             .collect();
         let scale = *scale.get_or_insert_with(|| typical(tracks, &residuals));
@@ -88,8 +93,8 @@ pub(crate) fn errors(
     let mut squares = vec![0.0; track.len()];
     for draw in &track.velocity_draws {
         let other = follow(parameters, track, resolution, Some(draw));
-        for ((sum, own), other) in squares.iter_mut().zip(torque).zip(other) {
-            *sum += (other - own).powi(2) / track.velocity_draws.len() as f64;
+        for ((sum, undisturbed), other) in squares.iter_mut().zip(torque).zip(other) {
+            *sum += (other - undisturbed).powi(2) / track.velocity_draws.len() as f64;
         }
     }
     (0..squares.len())

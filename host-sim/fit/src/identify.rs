@@ -36,9 +36,9 @@ pub fn identify(
     let (alone, errors) = evaluate(spec, solution, parameters, rows);
     let mut outcome = match passive {
         Some(form) => {
-            let own = evaluate(spec, form.solution.clone(), form.parameters.clone(), rows);
-            let evaluations = alone.evaluations + own.0.evaluations;
-            Outcome { evaluations, ..reported((alone, errors), own, form) }
+            let of_form = evaluate(spec, form.solution.clone(), form.parameters.clone(), rows);
+            let evaluations = alone.evaluations + of_form.0.evaluations;
+            Outcome { evaluations, ..reported((alone, errors), of_form, form) }
         }
         None => alone,
     };

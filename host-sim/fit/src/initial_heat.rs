@@ -39,16 +39,17 @@ fn stretch(track: &Track) -> Stretch {
 pub fn record_earlier_stretches<'a>(tracks: impl Iterator<Item = &'a mut Track>) {
     let mut tracks: Vec<&mut Track> = tracks.collect();
     let stretches: Vec<Stretch> = tracks.iter().map(|track| stretch(track)).collect();
-    for (track, own) in tracks.iter_mut().zip(&stretches) {
-        let before = stretches.iter().filter(|other| other.end_s <= own.begin_s);
+    for (track, stretch) in tracks.iter_mut().zip(&stretches) {
+        let before = stretches.iter().filter(|other| other.end_s <= stretch.begin_s);
         // Runs that all begin at 0, or overlap, have no common clock. Then some run lies neither before nor after
         // this one.
-        let apart = |other: &Stretch| other.end_s <= own.begin_s || other.begin_s >= own.end_s;
+        let apart =
+            |other: &Stretch| other.end_s <= stretch.begin_s || other.begin_s >= stretch.end_s;
         let common = stretches.iter().filter(|other| !apart(other)).count() == 1;
         let earlier = before.filter(|_| common).map(|other| EarlierStretch {
             energy_j: other.energy_j,
             length_s: other.end_s - other.begin_s,
-            since_s: own.begin_s - other.end_s,
+            since_s: stretch.begin_s - other.end_s,
         });
         track.earlier_stretches = Arc::from_iter(earlier);
     }

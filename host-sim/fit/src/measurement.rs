@@ -111,16 +111,16 @@ impl Measurement {
 
     /// Returns a track whose torque is that at the shaft, through the low-pass, and whose velocity has the time of the torque.
     pub(crate) fn shaft_track(&self, data: &Dataset, track: &Track) -> Track {
-        let mut own = track.clone();
+        let mut shaft = track.clone();
         let shares = self.shares_along(data, track);
-        for (torque, share) in own.torque.iter_mut().zip(shares) {
+        for (torque, share) in shaft.torque.iter_mut().zip(shares) {
             *torque = self.torque_sign * (*torque - share);
         }
-        own.torque_low_pass = self.torque_low_pass;
+        shaft.torque_low_pass = self.torque_low_pass;
         if self.torque_delay_s != 0.0 {
-            own.advance_velocity(-self.torque_delay_s);
+            shaft.advance_velocity(-self.torque_delay_s);
         }
-        own
+        shaft
     }
 
     /// The section of a parameter file for what `predict` computes.
@@ -144,13 +144,15 @@ impl Measurement {
             text.push_str("motion = \"logged\"\n");
         }
         let table = |of: &dyn Fn(&ChannelGain) -> f64| {
-            let entries =
-                self.channel_gains.iter().map(|own| format!("{:?} = {:?}", own.column, of(own)));
+            let entries = self
+                .channel_gains
+                .iter()
+                .map(|share| format!("{:?} = {:?}", share.column, of(share)));
             entries.collect::<Vec<_>>().join(", ")
         };
         if !self.channel_gains.is_empty() {
-            let _ = writeln!(text, "channel_gains = {{ {} }}", table(&|own| own.gain));
-            let _ = writeln!(text, "channel_means = {{ {} }}", table(&|own| own.mean));
+            let _ = writeln!(text, "channel_gains = {{ {} }}", table(&|share| share.gain));
+            let _ = writeln!(text, "channel_means = {{ {} }}", table(&|share| share.mean));
         }
     }
 
@@ -246,7 +248,7 @@ mod tests {
     #[test]
     fn emit_then_parse_returns_the_measurement() {
         let gain = ChannelGain { column: "pressure_diff_pa".into(), gain: 1e-6, mean: 2e5 };
-        let own = Measurement {
+        let measurement = Measurement {
             torque_delay_s: -0.004,
             torque_low_pass: TorqueLowPass { time_s: 0.25, shape: LowPassShape::RunningMean },
             torque_sign: -1.0,
@@ -254,10 +256,13 @@ mod tests {
             channel_gains: vec![gain],
         };
         let mut text = String::new();
-        own.emit(Measurement::OF_FILE, &mut text);
+        measurement.emit(Measurement::OF_FILE, &mut text);
         let parsed = parse(&text).unwrap();
         assert!((parsed.torque_low_pass.time_s - 0.25).abs() < 1e-12);
-        assert_eq!(Measurement { torque_low_pass: own.torque_low_pass, ..parsed }, own);
+        assert_eq!(
+            Measurement { torque_low_pass: measurement.torque_low_pass, ..parsed },
+            measurement
+        );
         assert!(parse("").unwrap().is_exact());
     }
 

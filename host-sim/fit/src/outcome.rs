@@ -103,15 +103,18 @@ pub struct DriverForm {
 impl Outcome {
     /// Marks the parameters as not determined to which a simpler law, which errs as little on held-out rows, gives another value.
     pub fn doubt_beside(&mut self, simpler: &Outcome) {
-        for own in self.estimates.iter_mut().filter(|own| own.state == State::Determined) {
-            let other = simpler.estimates.iter().find(|other| other.id == own.id);
+        for estimate in
+            self.estimates.iter_mut().filter(|estimate| estimate.state == State::Determined)
+        {
+            let other = simpler.estimates.iter().find(|other| other.id == estimate.id);
             let Some(other) = other.filter(|other| other.state == State::Determined) else {
                 continue;
             };
-            if (own.value - other.value).abs() > MAX_DISAGREEMENT * other.value.abs() {
-                (own.state, own.reason) = (State::NotDetermined, Some(Reason::SimplerLawDisagrees));
+            if (estimate.value - other.value).abs() > MAX_DISAGREEMENT * other.value.abs() {
+                (estimate.state, estimate.reason) =
+                    (State::NotDetermined, Some(Reason::SimplerLawDisagrees));
                 let why = Reason::SimplerLawDisagrees.in_words();
-                self.verdicts.push(format!("{}: not determined{why}", own.id.name()));
+                self.verdicts.push(format!("{}: not determined{why}", estimate.id.name()));
             }
         }
     }

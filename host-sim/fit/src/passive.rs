@@ -165,20 +165,20 @@ fn mark_moved(
     changes: &[PassivityChange],
 ) -> Vec<String> {
     let mut moved = Vec::new();
-    for (own, free) in passive.iter_mut().zip(alone) {
+    for (passive, free) in passive.iter_mut().zip(alone) {
         let Some(error) = free.std_error else { continue };
-        if changes.iter().any(|change| change.id == Some(own.id)) {
+        if changes.iter().any(|change| change.id == Some(passive.id)) {
             // Fixed in the last fit, at the bound.
-            own.state = State::AtBound;
+            passive.state = State::AtBound;
         } else if free.state == State::Determined
-            && (own.value - free.value).abs() > MOVED_ERRORS * error
+            && (passive.value - free.value).abs() > MOVED_ERRORS * error
         {
-            if own.state == State::Determined {
-                own.state = State::NotDetermined;
+            if passive.state == State::Determined {
+                passive.state = State::NotDetermined;
             }
             moved.push(format!(
                 "{} {} ± {}",
-                own.id.name(),
+                passive.id.name(),
                 significant(free.value, 4),
                 significant(error, 2)
             ));

@@ -197,9 +197,9 @@ pub fn predict_tracks_by<E>(
     let linear = file.linear.as_ref().filter(|_| !options.of_driver);
     if let Some(linear) = linear {
         let mut torque = linear.predict(data, &file.measurement).into_iter();
-        for own in runs.iter_mut().flat_map(|run| &mut run.torque) {
+        for predicted in runs.iter_mut().flat_map(|run| &mut run.torque) {
             // A model without a state predicts a row that stands alone too.
-            *own = torque.next().unwrap_or(f64::NAN);
+            *predicted = torque.next().unwrap_or(f64::NAN);
         }
     }
     let metrics = metrics_of(data, &runs);
@@ -209,7 +209,7 @@ pub fn predict_tracks_by<E>(
 /// Returns the errors over all rows with a prediction.
 fn metrics_of(data: &Dataset, runs: &[RunPrediction]) -> Metrics {
     let all = data.runs.iter().zip(runs);
-    Metrics::of(all.flat_map(|(run, own)| pairs(run, &own.torque)))
+    Metrics::of(all.flat_map(|(run, predicted)| pairs(run, &predicted.torque)))
 }
 
 fn empty(rows: usize) -> RunPrediction {

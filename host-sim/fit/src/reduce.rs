@@ -88,7 +88,7 @@ fn every_row(simulation: &Simulation, model: &AtPoint, start: Option<InitialStat
             return;
         }
         let root = track.weight(row).sqrt();
-        derivative.iter_mut().zip(gradient).for_each(|(own, g)| *own = -root * g);
+        derivative.iter_mut().zip(gradient).for_each(|(derivative, g)| *derivative = -root * g);
         let residual = root * (track.torque[row] - torque);
         match memory.get(row) {
             Some(memory) => first.push_with(-memory * root, &derivative, residual),

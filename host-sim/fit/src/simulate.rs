@@ -210,8 +210,8 @@ impl<T: Real<Setting = T>> ExtrapolatedStepper<T> {
             if share > 0.0 {
                 let share = T::from_f64(share);
                 let bristle = self.extrapolated_bristle();
-                let own = &mut self.single.state.bristle_torque_nm;
-                *own = *own + (bristle - *own) * share;
+                let plain_bristle = &mut self.single.state.bristle_torque_nm;
+                *plain_bristle = *plain_bristle + (bristle - *plain_bristle) * share;
                 torque = plain + (torque - plain) * share;
             } else {
                 torque = plain;
@@ -335,7 +335,8 @@ mod tests {
         let reference: Vec<f64> =
             torques(64 * 400, 5e-3 / 64.0, false, 1).into_iter().step_by(64).collect();
         let error = |torques: &[f64]| {
-            let squares = torques.iter().zip(&reference).map(|(own, exact)| (own - exact).powi(2));
+            let squares =
+                torques.iter().zip(&reference).map(|(torque, exact)| (torque - exact).powi(2));
             squares.sum::<f64>().sqrt()
         };
         let [polygon, curve] = [false, true].map(|is_exact| torques(400, 5e-3, is_exact, 64));

@@ -163,9 +163,9 @@ impl Spec {
             let owner = TermKind::ALL.iter().find(|term| term.parameters().contains(id));
             owner.and_then(|term| term.reads()).map(|quantity| (*id, quantity))
         };
-        let own = self.law.parameters().iter();
+        let of_law = self.law.parameters().iter();
         let terms = self.rigid_body.iter().chain(&self.terms);
-        own.chain(terms.flat_map(|term| term.parameters())).filter_map(read)
+        of_law.chain(terms.flat_map(|term| term.parameters())).filter_map(read)
     }
 }
 

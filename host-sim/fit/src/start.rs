@@ -145,7 +145,7 @@ pub fn candidates(
                 simulated
                     .into_iter()
                     .enumerate()
-                    .map(|(row, own)| (track.torque[row], own, track.weight(row))),
+                    .map(|(row, torque)| (track.torque[row], torque, track.weight(row))),
             )
             .sse
         });
@@ -253,12 +253,12 @@ fn grid(
         }
     }
     // Parameters that a law does not have would repeat the same point.
-    let own = |start: &Parameters<f64>| -> Vec<u64> {
+    let point_of_law = |start: &Parameters<f64>| -> Vec<u64> {
         let ids = spec.law.parameters().iter();
         ids.map(|id| start.get(*id).to_bits()).collect()
     };
     let mut seen = std::collections::HashSet::new();
-    grid.retain(|start| seen.insert(own(start)));
+    grid.retain(|start| seen.insert(point_of_law(start)));
     grid
 }
 

@@ -229,19 +229,19 @@ fn curvature(track: &Track, index: usize) -> [f64; 2] {
     if index == 0 {
         return [0.0; 2];
     }
-    let own = slope(index);
+    let here = slope(index);
     let at = |row: usize| {
         if row == 0 || row + 1 == track.len() {
             return 0.0;
         }
         let (before, after) = (slope(row), slope(row + 1));
         if before * after <= 0.0 {
-            return -own;
+            return -here;
         }
         let (short, long) = (ratio(row), ratio(row + 1));
         let parabola = (before * long + after * short) / (short + long);
         let most = 3.0 * before.abs().min(after.abs());
-        parabola.clamp(-most, most) - own
+        parabola.clamp(-most, most) - here
     };
     [at(index - 1), at(index)].map(|above| above * ratio(index))
 }

@@ -18,7 +18,7 @@ fn answer_to(torque_nm: impl Fn(&LogRow) -> f64) -> Answer {
 }
 
 fn names(found: &Answer) -> Vec<&'static str> {
-    found.findings.iter().map(|own| own.cause.name()).collect()
+    found.findings.iter().map(|finding| finding.cause.name()).collect()
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn answer_with_filtered_torque_reports_low_pass_of_its_time() {
     assert_eq!(log_finding(&found).kind, LogFindingKind::TorqueLag);
     assert!((log_finding(&found).value / time_s - 1.0).abs() < 0.2, "{:?}", found.log_findings);
     // What a filter leaves resembles an inertia.
-    assert!(found.findings.iter().all(|own| own.probability < 0.6), "{:?}", found.findings);
+    assert!(found.findings.iter().all(|finding| finding.probability < 0.6), "{:?}", found.findings);
 }
 
 #[test]

@@ -26,10 +26,10 @@ pub(super) const RADIAL_FORCE_COULOMB: Cause = Cause {
     covariate: Some(RADIAL_FORCE),
     candidates: |context| {
         let by = row(|r| r.added * r.sample.radial_force_n);
-        let own = Candidate::single(TermKind::RadialForceCoulomb, &[RADIAL_FORCE], by)
+        let candidate = Candidate::single(TermKind::RadialForceCoulomb, &[RADIAL_FORCE], by)
             .starting_at(&[(Id::RadialForceCoulomb, InitialGuess::Times(0, 1.0))])
             .keeping(&[Id::RadialForceStaticExcess]);
-        where_varying(context, RADIAL_FORCE, own)
+        where_varying(context, RADIAL_FORCE, candidate)
     },
     evidence: |_, _| {
         Plane::new(
@@ -52,10 +52,10 @@ pub(super) const PRESSURE_COULOMB: Cause = Cause {
     covariate: Some(PRESSURE),
     candidates: |context| {
         let by = row(|r| r.added * r.sample.pressure_diff_mpa);
-        let own = Candidate::single(TermKind::PressureCoulomb, &[PRESSURE], by)
+        let candidate = Candidate::single(TermKind::PressureCoulomb, &[PRESSURE], by)
             .starting_at(&[(Id::PressureCoulomb, InitialGuess::Times(0, 1e-6))])
             .keeping(&[Id::PressureStaticExcess]);
-        where_varying(context, PRESSURE, own)
+        where_varying(context, PRESSURE, candidate)
     },
     evidence: |_, _| {
         Plane::new(
@@ -78,9 +78,9 @@ pub(super) const LOAD_TORQUE_COULOMB: Cause = Cause {
     least_size: |_| Some(0.0),
     candidates: |context| {
         let by = row(|r| r.added * r.sample.load_torque_nm.abs());
-        let own = Candidate::single(TermKind::LoadTorqueCoulomb, &[LOAD_TORQUE], by)
+        let candidate = Candidate::single(TermKind::LoadTorqueCoulomb, &[LOAD_TORQUE], by)
             .starting_at(&[(Id::LoadCoulomb, InitialGuess::Times(0, 1.0))]);
-        where_varying(context, LOAD_TORQUE, own)
+        where_varying(context, LOAD_TORQUE, candidate)
     },
     evidence: |_, _| {
         Plane::new(
@@ -156,10 +156,10 @@ pub(super) const RADIAL_FORCE_RATE: Cause = Cause {
     candidates: |context| {
         let (kind, derivative) = (TermKind::RadialForceRate, Some(Id::RadialForceRate));
         let by = Regressor::Exact(Exact { kind, settings: Vec::new(), derivative });
-        let own = Candidate::single(kind, &[RADIAL_FORCE], by)
+        let candidate = Candidate::single(kind, &[RADIAL_FORCE], by)
             .starting_at(&[(Id::RadialForceRate, InitialGuess::Times(0, 1.0))]);
         match context.spec.law.has_bristles() {
-            true => where_varying(context, RADIAL_FORCE, own),
+            true => where_varying(context, RADIAL_FORCE, candidate),
             false => Vec::new(),
         }
     },
@@ -179,8 +179,8 @@ pub(super) const RADIAL_FORCE_RATE: Cause = Cause {
 };
 
 /// Returns a candidate if its column varies in the log.
-fn where_varying(context: &FitContext, column: &str, own: Candidate) -> Vec<Candidate> {
-    if context.log.varies(column) { vec![own] } else { Vec::new() }
+fn where_varying(context: &FitContext, column: &str, candidate: Candidate) -> Vec<Candidate> {
+    if context.log.varies(column) { vec![candidate] } else { Vec::new() }
 }
 
 /// Returns the candidate of a part of the friction that falls in proportion to the temperature. If the model has the other term of
@@ -196,11 +196,11 @@ fn of_temperature(
         false => context.log.mean_temperature_c(),
     };
     let by = row(move |r| -part(r) * (r.sample.temperature_c - mean));
-    let own = Candidate::single(term, &[TEMPERATURE], by)
+    let candidate = Candidate::single(term, &[TEMPERATURE], by)
         .starting_at(&[
             (coefficient, InitialGuess::Times(0, 1.0)),
             (Id::TemperatureReference, InitialGuess::At(mean)),
         ])
         .keeping(&[Id::TemperatureReference]);
-    where_varying(context, TEMPERATURE, own)
+    where_varying(context, TEMPERATURE, candidate)
 }

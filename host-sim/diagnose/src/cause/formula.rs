@@ -97,7 +97,7 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
 
 /// Returns the number of a formula in the core.
 pub fn number(formula: LookupFormula) -> f64 {
-    LookupFormula::ALL.iter().position(|own| *own == formula).unwrap_or_default() as f64
+    LookupFormula::ALL.iter().position(|known| *known == formula).unwrap_or_default() as f64
 }
 
 /// Returns the formula and its values in a sentence.

@@ -133,7 +133,7 @@ fn columns(log: &TrainTest) -> Vec<Followed> {
         quantity: *quantity,
         covariate: None,
     });
-    let own = log.extras.iter().map(|index| Followed {
+    let extras = log.extras.iter().map(|index| Followed {
         name: log.train.covariates[*index].clone(),
         quantity: Quantity::Auxiliary,
         covariate: Some(*index),
@@ -142,7 +142,7 @@ fn columns(log: &TrainTest) -> Vec<Followed> {
         let is_time = followed.quantity == Quantity::CampaignTime;
         log.varies(&followed.name) && (!is_time || log.has_campaign_clock())
     };
-    measured.filter(tells).chain(own).collect()
+    measured.filter(tells).chain(extras).collect()
 }
 
 /// How the curve follows a column.
@@ -186,7 +186,7 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
     }
     let width = (most - least) / (LOOKUP_KNOTS - 1) as f64;
     let pinned = (((median - least) / width).round() as usize).min(LOOKUP_KNOTS - 1);
-    let (own, others) = (knots(level), knots(!level));
+    let (free_knots, others) = (knots(level), knots(!level));
     let quantity = followed.quantity;
     let read = move |row: &Row| Followed::read(quantity, row);
     let factor = quantity.info().outside_scale;
@@ -196,10 +196,10 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
         (Id::LookupUpper, InitialGuess::At(most * factor)),
     ];
     if pins {
-        guesses.push((own[pinned], InitialGuess::At(0.0)));
+        guesses.push((free_knots[pinned], InitialGuess::At(0.0)));
     }
     let mut regressors = Vec::new();
-    for (knot, id) in own.iter().enumerate().filter(|(knot, _)| !pins || *knot != pinned) {
+    for (knot, id) in free_knots.iter().enumerate().filter(|(knot, _)| !pins || *knot != pinned) {
         let centre = least + knot as f64 * width;
         if proportional {
             let from = if pins { least + pinned as f64 * width } else { 0.0 };
@@ -216,7 +216,7 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
         regressors.push(row(read));
     }
     let mut fixed = vec![Id::LookupColumn, Id::LookupLower, Id::LookupUpper];
-    fixed.extend(pins.then_some(own[pinned]));
+    fixed.extend(pins.then_some(free_knots[pinned]));
     fixed.extend(others);
     guesses.extend(others.map(|id| (id, InitialGuess::At(0.0))));
     let by_knots = formula::number(LookupFormula::None);

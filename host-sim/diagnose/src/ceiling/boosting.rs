@@ -114,11 +114,11 @@ impl Tree {
             let width = columns.columns * BINS;
             sums[..width << level].fill(Sum::default());
             for (row, node) in sample.iter().zip(&nodes) {
-                let own = of(*row);
+                let of_row = of(*row);
                 let of_node = &mut sums[node * width..(node + 1) * width];
                 for (bins, code) in of_node.chunks_exact_mut(BINS).zip(columns.row(*row)) {
                     let bin = &mut bins[usize::from(*code)];
-                    *bin = bin.plus(own);
+                    *bin = bin.plus(of_row);
                 }
             }
             let first = thresholds.len();
@@ -156,8 +156,8 @@ fn best_threshold(sums: &[Sum]) -> Threshold {
     let mut best = (total.score(), together);
     for (column, bins) in sums.chunks_exact(BINS).enumerate() {
         let mut left = Sum::default();
-        for (bin, own) in bins[..BINS - 1].iter().enumerate() {
-            left = left.plus(*own);
+        for (bin, sum) in bins[..BINS - 1].iter().enumerate() {
+            left = left.plus(*sum);
             let score = left.score() + total.minus(left).score();
             if score > best.0 {
                 best = (score, Threshold { column, bin: bin as u8 });

@@ -85,7 +85,10 @@ impl Bank {
     /// Sets which of the first columns cannot have a negative coefficient. A column that would have one is left out.
     #[must_use]
     pub fn with_non_negative(mut self, first: impl IntoIterator<Item = bool>) -> Self {
-        self.non_negative.iter_mut().zip(first).for_each(|(own, value)| *own = value);
+        self.non_negative
+            .iter_mut()
+            .zip(first)
+            .for_each(|(is_non_negative, value)| *is_non_negative = value);
         self
     }
 
@@ -93,17 +96,22 @@ impl Bank {
     pub fn error(&self, columns: &[usize], work: &mut Workspace) -> f64 {
         self.solve(columns, work);
         let groups = self.folds.iter().zip(&work.coefficients);
-        groups.flat_map(|(fold, own)| square_errors(fold, self.stride(), columns, own)).sum()
+        groups
+            .flat_map(|(fold, coefficients)| {
+                square_errors(fold, self.stride(), columns, coefficients)
+            })
+            .sum()
     }
 
     /// Returns the held-out squared error of some columns in every block.
     pub fn block_errors(&self, columns: &[usize], work: &mut Workspace) -> Vec<f64> {
         self.solve(columns, work);
         let error = |(block, fold): (&DMatrix<f64>, &usize)| {
-            let own = &work.coefficients[fold / LANES];
-            let own: Vec<[f64; 1]> = own.iter().map(|lanes| [lanes[fold % LANES]]).collect();
+            let coefficients = &work.coefficients[fold / LANES];
+            let coefficients: Vec<[f64; 1]> =
+                coefficients.iter().map(|lanes| [lanes[fold % LANES]]).collect();
             let products = block.as_slice().as_chunks().0;
-            square_errors(products, self.stride(), columns, &own)[0]
+            square_errors(products, self.stride(), columns, &coefficients)[0]
         };
         self.blocks.iter().zip(&self.fold_of).map(error).collect()
     }
@@ -126,8 +134,8 @@ impl Bank {
     }
 
     fn sizes_without(&self, fold: usize, columns: &[usize], work: &Workspace) -> Vec<f64> {
-        let own = columns.iter().zip(&work.coefficients[fold / LANES]);
-        own.map(|(column, lanes)| lanes[fold % LANES] / self.scale[*column]).collect()
+        let coefficients = columns.iter().zip(&work.coefficients[fold / LANES]);
+        coefficients.map(|(column, lanes)| lanes[fold % LANES] / self.scale[*column]).collect()
     }
 
     fn stride(&self) -> usize {
@@ -144,8 +152,8 @@ impl Bank {
         let mut kept: Vec<usize> = (0..columns.len()).collect();
         let (group, lane) = (self.fold_count / LANES, self.fold_count % LANES);
         loop {
-            let own = &work.coefficients[group];
-            let size = |at: &usize| own[*at][lane];
+            let coefficients = &work.coefficients[group];
+            let size = |at: &usize| coefficients[*at][lane];
             let negative = (0..kept.len())
                 .filter(|at| self.non_negative[columns[kept[*at]]] && size(at) < 0.0);
             let Some(most) = negative.min_by(|a, b| size(a).total_cmp(&size(b))) else { break };
@@ -154,10 +162,10 @@ impl Bank {
             self.solve_all(&columns, work);
         }
         if kept.len() < columns.len() {
-            for own in &mut work.coefficients {
+            for coefficients in &mut work.coefficients {
                 let mut all = vec![lanes(|_| 0.0); columns.len()];
-                kept.iter().zip(own.iter()).for_each(|(at, value)| all[*at] = *value);
-                *own = all;
+                kept.iter().zip(coefficients.iter()).for_each(|(at, value)| all[*at] = *value);
+                *coefficients = all;
             }
         }
     }
@@ -171,18 +179,18 @@ impl Bank {
             columns.iter().map(|c| total[c * stride + c]).sum::<f64>() / size.max(1) as f64;
         work.matrix.resize(size * size, lanes(|_| 0.0));
         work.coefficients.resize(self.folds.len(), Vec::new());
-        for (fold, own) in self.folds.iter().zip(&mut work.coefficients) {
+        for (fold, right) in self.folds.iter().zip(&mut work.coefficients) {
             let without = |index: usize| lanes(|lane| total[index] - fold[index][lane]);
-            own.clear();
+            right.clear();
             for (i, a) in columns.iter().enumerate() {
                 let row = &mut work.matrix[i * size..=i * size + i];
                 for (value, b) in row.iter_mut().zip(columns) {
                     *value = without(a * stride + b);
                 }
                 row[i].iter_mut().for_each(|value| *value += RIDGE * mean);
-                own.push(without(a * stride + stride - 1));
+                right.push(without(a * stride + stride - 1));
             }
-            solve_in_place(&mut work.matrix, own, size);
+            solve_in_place(&mut work.matrix, right, size);
         }
     }
 }
@@ -197,13 +205,13 @@ fn square_errors<const L: usize>(
     let mut error = products[stride * stride - 1];
     for (i, a) in columns.iter().enumerate() {
         let row = &products[a * stride..(a + 1) * stride];
-        let own = coefficients[i];
+        let coefficient = coefficients[i];
         let mut sum: [f64; L] =
-            lanes(|lane| 0.5 * row[*a][lane] * own[lane] - row[stride - 1][lane]);
+            lanes(|lane| 0.5 * row[*a][lane] * coefficient[lane] - row[stride - 1][lane]);
         for (b, other) in columns[..i].iter().zip(coefficients) {
             sum = lanes(|lane| sum[lane] + row[*b][lane] * other[lane]);
         }
-        error = lanes(|lane| error[lane] + 2.0 * own[lane] * sum[lane]);
+        error = lanes(|lane| error[lane] + 2.0 * coefficient[lane] * sum[lane]);
     }
     error.map(|error| error.max(0.0))
 }
@@ -224,25 +232,26 @@ fn products(rows: &Rows, columns: &[(&[f64], f64)], judged: Range<usize>) -> DMa
     for from in judged.clone().step_by(ROWS_AT_ONCE) {
         checkpoint();
         let part = from..(from + ROWS_AT_ONCE).min(judged.end);
-        let own = &rows.judged[part.clone()];
-        let weights: Vec<f64> = own.iter().map(|row| rows.weights[*row]).collect();
+        let judged_rows = &rows.judged[part.clone()];
+        let weights: Vec<f64> = judged_rows.iter().map(|row| rows.weights[*row]).collect();
         let range = rows.judged_range(part);
         values.clear();
         for (column, scale) in columns.iter().copied() {
             let scale = 1.0 / scale;
             match &range {
                 Some(range) => {
-                    let own = column[range.clone()].iter().zip(&weights);
-                    values.extend(own.map(|(value, weight)| value * weight * scale));
+                    let weighted = column[range.clone()].iter().zip(&weights);
+                    values.extend(weighted.map(|(value, weight)| value * weight * scale));
                 }
                 None => values.extend(
-                    own.iter()
+                    judged_rows
+                        .iter()
                         .zip(&weights)
                         .map(|(row, weight)| rows.judged_value(column, *row) * weight * scale),
                 ),
             }
         }
-        let wide = DMatrix::from_column_slice(own.len(), size, &values);
+        let wide = DMatrix::from_column_slice(judged_rows.len(), size, &values);
         sum.gemm(1.0, &wide.transpose(), &wide, 1.0);
     }
     sum

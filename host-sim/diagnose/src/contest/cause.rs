@@ -197,15 +197,15 @@ pub fn variants(context: &Context) -> Vec<Variant> {
     let inputs = Inputs { motion: &context.rows.motion, level: context.level, column: &find };
     let of_cause = |row: &CauseRow| -> Vec<Variant> {
         checkpoint();
-        let variant = |own: Columns| {
-            let columns = own.regressors.iter().map(|regressor| regressor.values(&inputs));
+        let variant = |form: Columns| {
+            let columns = form.regressors.iter().map(|regressor| regressor.values(&inputs));
             let columns: Vec<Vec<f64>> = columns.collect::<Option<_>>()?;
             let is_usable = !columns.is_empty() && columns.iter().all(is_usable);
             is_usable.then(|| Variant {
-                key: CauseKey { cause: row.name, columns: own.follows },
-                detail: own.detail,
+                key: CauseKey { cause: row.name, columns: form.follows },
+                detail: form.detail,
                 price: row.price + COLUMN_PRICE * (columns.len() - 1) as f64,
-                regressors: own.regressors,
+                regressors: form.regressors,
                 columns,
                 sign: row.sign,
             })

@@ -61,8 +61,8 @@ impl Correction {
         match (self, other) {
             (Correction::None, Correction::None) => true,
             (Correction::TorqueLate(a), Correction::TorqueLate(b)) => alike(a, b),
-            (Correction::TorqueLowPass(a, own), Correction::TorqueLowPass(b, other)) => {
-                own == other && alike(a, b)
+            (Correction::TorqueLowPass(a, shape), Correction::TorqueLowPass(b, other)) => {
+                shape == other && alike(a, b)
             }
             _ => false,
         }

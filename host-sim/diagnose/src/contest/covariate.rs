@@ -70,7 +70,7 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
     let motion: Vec<Vec<f64>> =
         motion.iter().filter_map(|quantity| long(quantity.name(data.joint))).collect();
     let slope = |run: &Run| run.acceleration_or_derived().into_owned();
-    let own_motion: Vec<Vec<f64>> = [
+    let joint_motion: Vec<Vec<f64>> = [
         data.runs.iter().flat_map(|run| run.velocity.iter().copied()).collect(),
         data.runs.iter().flat_map(slope).collect(),
     ]
@@ -96,9 +96,9 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
         if is_torque || (is_extra && is_copy()) {
             continue;
         }
-        let is_own_motion =
-            is_extra && own_motion.iter().any(|own| correlation(&values, own).abs() > SAME_MOTION);
-        if is_own_motion {
+        let is_joint_motion = is_extra
+            && joint_motion.iter().any(|motion| correlation(&values, motion).abs() > SAME_MOTION);
+        if is_joint_motion {
             continue;
         }
         let levels = levels(&values);

@@ -86,9 +86,9 @@ impl Draws {
     /// Returns the causes that win where this one does not, and not where it does.
     pub fn substitutes(&self, cause: &CauseKey) -> Vec<CauseKey> {
         let share = |other: &CauseKey, with: bool| {
-            let own = self.winners.iter().filter(|(causes, _)| causes.contains(cause) == with);
+            let winners = self.winners.iter().filter(|(causes, _)| causes.contains(cause) == with);
             let (mut all, mut held) = (0, 0);
-            for (causes, wins) in own {
+            for (causes, wins) in winners {
                 all += wins;
                 held += if causes.contains(other) { *wins } else { 0 };
             }

@@ -82,9 +82,10 @@ impl Base {
         let Fitted { sizes, residual } = Fitted::new(rows, &columns);
         let stops = law.stops.len();
         let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
-        let own = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
-        let own: Vec<usize> = own.collect();
-        let level = rows.map(|row| own.iter().map(|at| columns[*at][row] * sizes[*at]).sum());
+        let of_friction = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
+        let of_friction: Vec<usize> = of_friction.collect();
+        let level =
+            rows.map(|row| of_friction.iter().map(|at| columns[*at][row] * sizes[*at]).sum());
         let (level, level_scale) = scaled_level(rows, level);
         Self {
             name: law.name,
@@ -229,8 +230,8 @@ impl Entry {
 
     /// Returns the columns of a set of variants, those of the law first. None of them may be dropped.
     pub(crate) fn columns(&self, set: &[u16]) -> Vec<&[f64]> {
-        let own = set.iter().flat_map(|variant| &self.variants[*variant as usize].columns);
-        self.base.columns.iter().chain(own).map(Vec::as_slice).collect()
+        let of_variants = set.iter().flat_map(|variant| &self.variants[*variant as usize].columns);
+        self.base.columns.iter().chain(of_variants).map(Vec::as_slice).collect()
     }
 
     /// Returns the indices of a set's columns in the bank.
@@ -274,7 +275,7 @@ fn corrected_variants(
     let context = Context { rows, shapes, travel, level, orders, gaps, residual };
     let mut made = variants(&context);
     if !base.simulated.is_empty() {
-        made.retain(|own| !SIMULATED.contains(&own.key.cause));
+        made.retain(|variant| !SIMULATED.contains(&variant.key.cause));
         made.extend(base.simulated.iter().cloned());
     }
     if correction != Correction::None {

@@ -21,13 +21,13 @@ const MIN_WINS: f64 = 0.1;
 /// Returns the hypotheses to be fitted with the driver's law: the best one first, then those that win draws.
 pub(crate) fn finalists<'l>(ledger: &'l Ledger, draws: &Draws) -> Vec<&'l Hypothesis> {
     let wins = |hypothesis: &Hypothesis| {
-        let own = draws.winners.iter().find(|(causes, _)| *causes == hypothesis.causes);
-        own.map_or(0.0, |(_, wins)| *wins as f64 / DRAWS as f64)
+        let won = draws.winners.iter().find(|(causes, _)| *causes == hypothesis.causes);
+        won.map_or(0.0, |(_, wins)| *wins as f64 / DRAWS as f64)
     };
     let mut found: Vec<&Hypothesis> = Vec::new();
     for (at, hypothesis) in ledger.hypotheses.iter().enumerate() {
         let is_finalist = at == 0 || wins(hypothesis) >= MIN_WINS;
-        if is_finalist && found.iter().all(|own| own.causes != hypothesis.causes) {
+        if is_finalist && found.iter().all(|finalist| finalist.causes != hypothesis.causes) {
             found.push(hypothesis);
         }
         if found.len() == MOST_FINALISTS {
@@ -95,22 +95,22 @@ impl Table<'_> {
         let mut at = entry.base.columns.len();
         let (mut causes, mut shares) = (Vec::new(), Vec::new());
         for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-            let own = at..at + variant.columns.len();
-            at = own.end;
+            let place = at..at + variant.columns.len();
+            at = place.end;
             if variant.is_cause() {
                 let rms = |sizes: &[f64]| variant.torque_rms(rows, sizes);
-                let drawn: Vec<f64> = folds.iter().map(|fold| rms(&fold[own.clone()])).collect();
+                let drawn: Vec<f64> = folds.iter().map(|fold| rms(&fold[place.clone()])).collect();
                 causes.push(FinalistCause {
                     key: variant.key.clone(),
                     detail: variant.detail.clone(),
-                    torque_rms: (rms(&sizes[own.clone()]), jackknife(&drawn)),
-                    sizes: sizes[own].to_vec(),
+                    torque_rms: (rms(&sizes[place.clone()]), jackknife(&drawn)),
+                    sizes: sizes[place].to_vec(),
                 });
             } else if let Some(channel) =
                 rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()])
             {
                 let (mean, spread) = channel.mean_and_spread();
-                let gain = sizes[own.start] / spread;
+                let gain = sizes[place.start] / spread;
                 shares.push(ChannelGain { column: channel.name.clone(), gain, mean });
             }
         }

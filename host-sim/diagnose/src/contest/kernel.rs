@@ -152,14 +152,14 @@ impl KernelLaw {
         resolution: Resolution,
     ) -> Option<Self> {
         let at = sensitivities(&parameters, free, tracks, resolution);
-        let own = |of: &(dyn Fn(&TrackSensitivities) -> &[f64] + Sync)| {
+        let in_rows = |of: &(dyn Fn(&TrackSensitivities) -> &[f64] + Sync)| {
             rows.along_tracks(tracks.iter().zip(&at.tracks).map(|(track, at)| (track, of(at))))
         };
         let mut columns: Vec<Vec<f64>> =
-            (0..free.len()).map(|index| own(&|at| &at.jacobian[index])).collect();
-        let level = own(&|at| &at.level);
-        let torque = own(&|at| &at.torque);
-        let memory = own(&|at| &at.memory);
+            (0..free.len()).map(|index| in_rows(&|at| &at.jacobian[index])).collect();
+        let level = in_rows(&|at| &at.level);
+        let torque = in_rows(&|at| &at.torque);
+        let memory = in_rows(&|at| &at.memory);
         let scaling =
             free.iter().zip(&columns).filter(|(id, _)| **id != ParameterId::StribeckVelocity);
         let scaling: Vec<(f64, &Vec<f64>)> =
@@ -174,7 +174,8 @@ impl KernelLaw {
         let coulomb = parameters.get(ParameterId::CoulombTorque);
         let travel = coulomb / parameters.get(ParameterId::BristleStiffness);
         let target = rows.along_tracks(tracks.iter().map(|track| (track, track.torque.as_slice())));
-        let residual = target.iter().zip(&torque).map(|(target, own)| target - own).collect();
+        let residual =
+            target.iter().zip(&torque).map(|(target, simulated)| target - simulated).collect();
         // Differences of two simulations of the same coarse steps: the steps' error cancels.
         let coarse = sensitivities(&parameters, &[], tracks, Resolution::PLAIN);
         let simulated = simulated::variants(rows, tracks, &coarse, travel).into();
@@ -198,8 +199,8 @@ fn motion_error(rows: &Rows, tracks: &[Track], at: &Sensitivities) -> Vec<f64> {
     if tracks.iter().all(|track| track.velocity_draws.is_empty()) {
         return Vec::new();
     }
-    let error = |(track, own): (&Track, &TrackSensitivities)| {
-        uncertain_motion::errors(&at.parameters, track, at.resolution, &own.torque)
+    let error = |(track, along): (&Track, &TrackSensitivities)| {
+        uncertain_motion::errors(&at.parameters, track, at.resolution, &along.torque)
     };
     let errors: Vec<Vec<f64>> = tracks.par_iter().zip(&at.tracks).map(error).collect();
     rows.along_tracks(tracks.iter().zip(errors.iter().map(Vec::as_slice)))
@@ -216,9 +217,9 @@ fn tracks(rows: &Rows, target: &[f64], correction: Correction) -> Vec<Track> {
     let target = early.as_deref().unwrap_or(target);
     for track in &mut tracks {
         let first = rows.first_row(track);
-        let own = first..first + track.len();
-        track.torque.copy_from_slice(&target[own.clone()]);
-        track.weights = rows.weights[own].iter().map(|weight| weight * weight).collect();
+        let of_track = first..first + track.len();
+        track.torque.copy_from_slice(&target[of_track.clone()]);
+        track.weights = rows.weights[of_track].iter().map(|weight| weight * weight).collect();
         if let Correction::TorqueLowPass(by, shape) = correction {
             track.torque_low_pass = TorqueLowPass { time_s: by * rows.step_s, shape };
         }

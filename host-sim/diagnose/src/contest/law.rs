@@ -210,7 +210,7 @@ pub(crate) fn rigid_regressors(rows: &Rows) -> Vec<(&'static str, Regressor)> {
 fn rigid(rows: &Rows) -> Vec<Vec<f64>> {
     let find = |name: &str| rows.column(name);
     let inputs = Inputs { motion: &rows.motion, level: &[], column: &find };
-    rigid_regressors(rows).iter().filter_map(|(_, own)| own.values(&inputs)).collect()
+    rigid_regressors(rows).iter().filter_map(|(_, regressor)| regressor.values(&inputs)).collect()
 }
 
 /// Returns the product of two columns.

@@ -73,7 +73,7 @@ impl Ledger {
 
     /// Returns the hypothesis of least error with exactly these causes.
     pub fn with_causes(&self, causes: &BTreeSet<CauseKey>) -> Option<&Hypothesis> {
-        let own = self.hypotheses.iter().filter(|hypothesis| hypothesis.causes == *causes);
-        own.min_by(|a, b| a.error.total_cmp(&b.error))
+        let with_same = self.hypotheses.iter().filter(|hypothesis| hypothesis.causes == *causes);
+        with_same.min_by(|a, b| a.error.total_cmp(&b.error))
     }
 }

@@ -34,7 +34,7 @@ pub(crate) fn transferable<'l>(entries: &[Entry], ledger: &'l Ledger) -> Option<
         let variants = hypothesis.set.iter().map(|at| &entry.variants[*at as usize]);
         let is_transferable = |variant: &super::cause::Variant| {
             let factors = variant.regressors.iter().flat_map(|regressor| &regressor.factors);
-            !variant.regressors.is_empty() && factors.clone().all(|own| own.is_transferable())
+            !variant.regressors.is_empty() && factors.clone().all(|factor| factor.is_transferable())
         };
         matches!(entry.base.origin, Origin::Shapes(_)) && variants.clone().all(is_transferable)
     })
@@ -51,11 +51,13 @@ pub(crate) fn answer(
     let term = |part: &str, factors| LinearTerm { part: part.into(), size: 0.0, factors };
     let law = shapes.regressors(rows, law).into_iter();
     let mut parts: Vec<(&str, LinearTerm)> =
-        law.map(|(name, own)| (name, term(name, own))).collect();
+        law.map(|(name, regressor)| (name, term(name, regressor))).collect();
     let law_columns = parts.len();
     for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-        let own = variant.regressors.iter().cloned();
-        parts.extend(own.map(|own| (variant.key.cause, term(variant.key.cause, own))));
+        let regressors = variant.regressors.iter().cloned();
+        parts.extend(
+            regressors.map(|regressor| (variant.key.cause, term(variant.key.cause, regressor))),
+        );
     }
     let falls: Vec<usize> = (0..law_columns).filter(|at| parts[*at].0 == STRIBECK).collect();
     let judged = JudgedByRun::new(rows, entry, hypothesis, (law_columns, &falls));
@@ -75,8 +77,8 @@ pub(crate) fn answer(
         let signed = Measurement::of_sign(rows.is_reversed);
         let mut measurement = Measurement { torque_delay_s, torque_low_pass, ..signed };
         let mut terms = Vec::new();
-        let own = columns.iter().map(|at| &parts[*at]);
-        for ((name, term), size) in own.zip(judged.sizes(columns)) {
+        let chosen = columns.iter().map(|at| &parts[*at]);
+        for ((name, term), size) in chosen.zip(judged.sizes(columns)) {
             match *name {
                 CHANNEL_GAIN => {
                     let gain = channel_gain(term, measurement.torque_sign * size);
@@ -111,7 +113,8 @@ pub(crate) fn plain(rows: &Rows) -> LinearAnswer {
     }
     let find = |name: &str| rows.column(name);
     let inputs = Inputs { motion: &rows.motion, level: &[], column: &find };
-    let columns: Vec<Vec<f64>> = parts.iter().filter_map(|(_, own)| own.values(&inputs)).collect();
+    let columns: Vec<Vec<f64>> =
+        parts.iter().filter_map(|(_, regressor)| regressor.values(&inputs)).collect();
     let judged = JudgedByRun::of_law(rows, columns.iter().map(Vec::as_slice).collect());
     let all: Vec<usize> = (0..columns.len()).collect();
     let term = |((part, factors), size): ((&'static str, Regressor), f64)| LinearTerm {
@@ -162,22 +165,21 @@ impl<'a> JudgedByRun<'a> {
         let mut is_constant = vec![false; 2];
         let mut next = law;
         for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-            let own = next..next + variant.columns.len();
-            next = own.end;
-            groups.push((own.collect(), variant.price));
+            let place = next..next + variant.columns.len();
+            next = place.end;
+            groups.push((place.collect(), variant.price));
             let covariate =
                 rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()]);
-            is_constant.push(
-                covariate
-                    .is_some_and(|own| within_runs(&own.scaled, &rows.runs) < MAX_CONSTANT_SHARE),
-            );
+            is_constant.push(covariate.is_some_and(|covariate| {
+                within_runs(&covariate.scaled, &rows.runs) < MAX_CONSTANT_SHARE
+            }));
         }
         let fold_of_block = folds(rows);
         let non_negative = entry.base.non_negative.clone();
         let bank = Bank::of_target(rows, &columns, &rows.torque, &fold_of_block)
             .with_non_negative(non_negative.iter().copied());
         let beside_constants = None;
-        let mut own = Self {
+        let mut judged = Self {
             columns,
             groups,
             is_constant,
@@ -186,10 +188,10 @@ impl<'a> JudgedByRun<'a> {
             bank,
             beside_constants,
         };
-        if own.is_constant.contains(&true) {
-            own.beside_constants = Some(own.without_constants(rows));
+        if judged.is_constant.contains(&true) {
+            judged.beside_constants = Some(judged.without_constants(rows));
         }
-        own
+        judged
     }
 
     /// Returns the columns of a law of any sign, without groups.
@@ -210,7 +212,9 @@ impl<'a> JudgedByRun<'a> {
         let all: Vec<usize> = (0..self.columns.len()).collect();
         let sizes = self.bank.fit(&all, &mut Workspace::default());
         let mut target = rows.torque.clone();
-        for ((group, _), _) in self.groups.iter().zip(&self.is_constant).filter(|(_, own)| **own) {
+        for ((group, _), _) in
+            self.groups.iter().zip(&self.is_constant).filter(|(_, is_constant)| **is_constant)
+        {
             for at in group {
                 for (target, value) in target.iter_mut().zip(self.columns[*at]) {
                     *target -= sizes[*at] * value;
@@ -229,15 +233,16 @@ impl<'a> JudgedByRun<'a> {
         let bank = self.beside_constants.as_ref().unwrap_or(&self.bank);
         let mut cost = |set: usize| {
             let has = |at: &usize| set >> at & 1 == 1;
-            let own = (0..optional.len()).filter(has).map(|at| &self.groups[optional[at]]);
-            let price: f64 = own.clone().map(|(_, price)| price).sum();
+            let chosen = (0..optional.len()).filter(has).map(|at| &self.groups[optional[at]]);
+            let price: f64 = chosen.clone().map(|(_, price)| price).sum();
             let law = self.groups[0].0.iter();
-            let columns: Vec<usize> = law.chain(own.flat_map(|(own, _)| own)).copied().collect();
+            let columns: Vec<usize> =
+                law.chain(chosen.flat_map(|(group, _)| group)).copied().collect();
             bank.error(&columns, &mut work) * price.exp()
         };
         let sets = (0..1usize << optional.len()).map(|set| (cost(set), set));
         let best = sets.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, set)| set);
-        let is_kept = |at: usize| match optional.iter().position(|own| *own == at) {
+        let is_kept = |at: usize| match optional.iter().position(|index| *index == at) {
             Some(place) => best >> place & 1 == 1,
             None => true,
         };
@@ -256,7 +261,7 @@ impl<'a> JudgedByRun<'a> {
         (law, names): (&'static str, &[&'static str]),
     ) -> Vec<(&'static str, Vec<usize>)> {
         let is_kept = |group: &usize| self.groups[*group].0.iter().all(|at| kept.contains(at));
-        let of_law = self.groups[..2].iter().flat_map(|(own, _)| own);
+        let of_law = self.groups[..2].iter().flat_map(|(group, _)| group);
         let mut columns: Vec<usize> = of_law.filter(|at| kept.contains(at)).copied().collect();
         let mut open: Vec<usize> = (2..self.groups.len()).filter(is_kept).collect();
         let mut steps = vec![(law, columns.clone())];
@@ -307,8 +312,8 @@ fn folds(rows: &Rows) -> Vec<usize> {
         return rows.run_of_block.iter().map(|run| run % MOST_FITS).collect();
     }
     let stretch = |(block, run): (usize, &usize)| {
-        let first = rows.run_of_block.partition_point(|own| own < run);
-        let after = rows.run_of_block.partition_point(|own| own <= run);
+        let first = rows.run_of_block.partition_point(|other| other < run);
+        let after = rows.run_of_block.partition_point(|other| other <= run);
         (block - first) * STRETCHES / (after - first)
     };
     rows.run_of_block.iter().enumerate().map(stretch).collect()

@@ -206,7 +206,8 @@ impl<'a> Scan<'a> {
             self.moving.iter().map(|row| self.rows.weights[*row] * column(*row)).collect()
         };
         let target = weighed(&|row| residual[row]);
-        let mut columns: Vec<Vec<f64>> = law.iter().map(|own| weighed(&|row| own[row])).collect();
+        let mut columns: Vec<Vec<f64>> =
+            law.iter().map(|column| weighed(&|row| column[row])).collect();
         let mut left = target.clone();
         let mut orders: Vec<f64> = Vec::new();
         while orders.len() < MOST_WAVES {
@@ -227,13 +228,14 @@ impl<'a> Scan<'a> {
         least: f64,
         others: &[f64],
     ) -> Option<f64> {
-        let is_new = |own: f64| others.iter().all(|other| (own - other).abs() > self.grid.step);
-        let is_related = |own: f64| others.first().is_none_or(|first| self.is_related(own, *first));
+        let is_new = |order: f64| others.iter().all(|other| (order - other).abs() > self.grid.step);
+        let is_related =
+            |order: f64| others.first().is_none_or(|first| self.is_related(order, *first));
         let strongest = |grid: &Grid| {
             let powers = self.amplitudes(values, of, grid);
             let free = (0..powers.len()).filter(|index| {
-                let own = grid.order(*index as f64);
-                powers[*index] > 0.0 && own >= least && is_new(own) && is_related(own)
+                let order = grid.order(*index as f64);
+                powers[*index] > 0.0 && order >= least && is_new(order) && is_related(order)
             });
             let peak = free.max_by(|a, b| powers[*a].total_cmp(&powers[*b]))?;
             Some((powers[peak], peak, powers))
@@ -260,7 +262,7 @@ impl<'a> Scan<'a> {
     /// Returns true if an order may belong to the same part as another: a multiple of it or of its half, or a sideband of a
     /// multiple of a whole order once or twice a turn, as of an eccentric part. Waves of unrelated orders together can follow
     /// anything, such as the error of an inaccurate law.
-    fn is_related(&self, own: f64, first: f64) -> bool {
+    fn is_related(&self, order: f64, first: f64) -> bool {
         let is_near = |order: f64, multiple: f64| {
             let nearest = (order / multiple).round().max(1.0) * multiple;
             (order - nearest).abs() < NEAR_RELATED * self.grid.step
@@ -269,8 +271,8 @@ impl<'a> Scan<'a> {
             && self.grid.step < MAX_STEP_OF_SIDEBANDS
             && first == first.round();
         let sidebands: &[f64] = if has_turns { &SIDEBANDS } else { &SIDEBANDS[..1] };
-        FRACTIONS.iter().any(|fraction| is_near(own, fraction * first))
-            || sidebands.iter().any(|aside| is_near(own + aside, first))
+        FRACTIONS.iter().any(|fraction| is_near(order, fraction * first))
+            || sidebands.iter().any(|aside| is_near(order + aside, first))
     }
 
     /// Returns the amplitude of one order.
@@ -302,7 +304,7 @@ impl<'a> Scan<'a> {
             ends[most] = (ends[most].0 + value * value, ends[most].1 + 1);
             let first: [f64; ORDERS_AT_ONCE] = lanes(|at| grid.order(at as f64) * position);
             let (mut s, mut c) = (first.map(f64::sin), first.map(f64::cos));
-            s.iter_mut().chain(&mut c).for_each(|own| *own *= value);
+            s.iter_mut().chain(&mut c).for_each(|wave| *wave *= value);
             let (sine, cosine) = (ORDERS_AT_ONCE as f64 * grid.step * position).sin_cos();
             let (whole, rest) = (most / ORDERS_AT_ONCE, most % ORDERS_AT_ONCE);
             for [cosines, sines] in &mut sums[..whole] {
@@ -320,11 +322,11 @@ impl<'a> Scan<'a> {
         let enough = (self.moving.len() / 10).max(100);
         let mut amplitudes = vec![0.0; grid.count];
         let (mut square, mut count) = ends[grid.count];
-        for (order, own) in amplitudes.iter_mut().enumerate().rev() {
+        for (order, amplitude) in amplitudes.iter_mut().enumerate().rev() {
             let [cosines, sines] = &sums[order / ORDERS_AT_ONCE];
             let at = order % ORDERS_AT_ONCE;
             if count >= enough && square > 0.0 {
-                *own = ((cosines[at] * cosines[at] + sines[at] * sines[at]) / square).sqrt();
+                *amplitude = ((cosines[at] * cosines[at] + sines[at] * sines[at]) / square).sqrt();
             }
             (square, count) = (square + ends[order].0, count + ends[order].1);
         }
@@ -335,8 +337,8 @@ impl<'a> Scan<'a> {
 /// Returns the place of a peak between the steps, by a parabola through three powers.
 fn refined(peak: usize, powers: &[f64]) -> f64 {
     let at = |index: usize| powers.get(index).copied().unwrap_or_default();
-    let (before, own, after) = (at(peak.wrapping_sub(1)), at(peak), at(peak + 1));
-    let bend = before - 2.0 * own + after;
+    let (before, highest, after) = (at(peak.wrapping_sub(1)), at(peak), at(peak + 1));
+    let bend = before - 2.0 * highest + after;
     let shift = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
     peak as f64 + shift.clamp(-0.5, 0.5)
 }
@@ -344,7 +346,8 @@ fn refined(peak: usize, powers: &[f64]) -> f64 {
 /// Returns what a fit of columns leaves of a target.
 fn unexplained(target: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
     let size = columns.len();
-    let norm: Vec<f64> = columns.iter().map(|own| dot(own, own).sqrt().max(1e-300)).collect();
+    let norm: Vec<f64> =
+        columns.iter().map(|column| dot(column, column).sqrt().max(1e-300)).collect();
     let mut gram = vec![[0.0]; size * size];
     let mut sizes = vec![[0.0]; size];
     for (i, a) in columns.iter().enumerate() {
@@ -411,8 +414,8 @@ mod tests {
         let mut rows = example();
         rows.span = 200.0;
         let scan = Scan::new(&rows);
-        assert!([14.0, 28.0, 3.5, 6.0, 8.0, 15.0].iter().all(|own| scan.is_related(*own, 7.0)));
-        assert!([10.1, 24.9, 2.9].iter().all(|own| !scan.is_related(*own, 7.0)));
+        assert!([14.0, 28.0, 3.5, 6.0, 8.0, 15.0].iter().all(|order| scan.is_related(*order, 7.0)));
+        assert!([10.1, 24.9, 2.9].iter().all(|order| !scan.is_related(*order, 7.0)));
     }
 
     /// Returns the example with positions that span `factor` times as much, and a wave of the position as its torque.

@@ -163,9 +163,9 @@ impl Outcome {
 impl Table<'_> {
     fn entries(&self, rows: &Rows, base: f64) -> Vec<(String, f64, f64)> {
         let describe = |(at, entry): (usize, &Entry)| {
-            let own = || self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
-            let plain = own().find(|h| h.set.is_empty()).map_or(f64::NAN, |h| h.error / base);
-            let least = own().map(|h| h.error / base).fold(f64::INFINITY, f64::min);
+            let in_entry = || self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
+            let plain = in_entry().find(|h| h.set.is_empty()).map_or(f64::NAN, |h| h.error / base);
+            let least = in_entry().map(|h| h.error / base).fold(f64::INFINITY, f64::min);
             (
                 format!("{}, {}", entry.base.name, entry.correction.describe(rows.step_s)),
                 plain,
@@ -199,8 +199,8 @@ impl Table<'_> {
         let torque = squares.sum::<f64>().max(f64::MIN_POSITIVE);
         let with = self.ledger.least_error(|h| h.causes.contains(key)).unwrap_or(base);
         let without = self.ledger.least_error(|h| !h.causes.contains(key)).unwrap_or(base);
-        let own = best.set.iter().map(|at| &self.entries[best.bank].variants[*at as usize]);
-        let detail = own.filter(|v| v.key == *key).map(|v| v.detail.clone()).next();
+        let of_best = best.set.iter().map(|at| &self.entries[best.bank].variants[*at as usize]);
+        let detail = of_best.filter(|v| v.key == *key).map(|v| v.detail.clone()).next();
         Figures {
             key: key.clone(),
             detail: detail.unwrap_or_default(),
@@ -273,9 +273,9 @@ impl Table<'_> {
     fn beside_slip(&self, key: &CauseKey) -> Option<f64> {
         let has_slip = |h: &&Hypothesis| self.entries[h.bank].base.has_slip;
         let best = self.ledger.hypotheses.iter().find(has_slip)?.bank;
-        let own = || self.ledger.hypotheses.iter().filter(move |h| h.bank == best);
-        let plain = own().find(|h| h.causes.is_empty())?.error;
-        let alone = own().filter(|h| h.causes.len() == 1 && h.causes.contains(key));
+        let in_entry = || self.ledger.hypotheses.iter().filter(move |h| h.bank == best);
+        let plain = in_entry().find(|h| h.causes.is_empty())?.error;
+        let alone = in_entry().filter(|h| h.causes.len() == 1 && h.causes.contains(key));
         let alone = alone.map(|h| h.error).min_by(f64::total_cmp);
         Some(alone.map_or(0.0, |alone| (plain - alone) / plain))
     }
@@ -289,10 +289,10 @@ impl Table<'_> {
         let mut at = entry.base.columns.len();
         let mut largest = 0.0f64;
         for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-            let own = at..at + variant.columns.len();
-            at = own.end;
+            let place = at..at + variant.columns.len();
+            at = place.end;
             if variant.key == *key {
-                for column in own {
+                for column in place {
                     let values: Vec<f64> = folds.iter().map(|fold| fold[column]).collect();
                     let error = jackknife(&values).max(1e-12 * whole[column].abs());
                     largest = largest.max(whole[column].abs() / error.max(f64::MIN_POSITIVE));
@@ -305,8 +305,8 @@ impl Table<'_> {
     /// Returns the share of the competitive laws whose own best hypothesis holds a cause.
     fn laws_with(&self, key: &CauseKey) -> f64 {
         let least = |at: usize| {
-            let own = self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
-            own.min_by(|a, b| a.cost().total_cmp(&b.cost()))
+            let in_entry = self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
+            in_entry.min_by(|a, b| a.cost().total_cmp(&b.cost()))
         };
         let best: Vec<&Hypothesis> = (0..self.entries.len()).filter_map(least).collect();
         let most = best.iter().map(|h| h.cost()).fold(f64::INFINITY, f64::min) * MAX_LAW_COST;
@@ -318,8 +318,8 @@ impl Table<'_> {
     /// Returns the corrections of the log in a hypothesis: of time, and of the gain of channels.
     fn corrections(&self, rows: &Rows, hypothesis: &Hypothesis) -> String {
         let entry = &self.entries[hypothesis.bank];
-        let own = hypothesis.set.iter().map(|at| &entry.variants[*at as usize]);
-        let gains = own
+        let held = hypothesis.set.iter().map(|at| &entry.variants[*at as usize]);
+        let gains = held
             .filter(|variant| !variant.is_cause())
             .map(|variant| format!("gain of {}", variant.key.follows()));
         let all: Vec<String> =

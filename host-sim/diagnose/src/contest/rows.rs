@@ -202,9 +202,9 @@ impl Rows {
 
     /// Returns the rows of some judged ones, if each of them is judged by itself and none is left out between them.
     pub fn judged_range(&self, judged: Range<usize>) -> Option<Range<usize>> {
-        let own = &self.judged[judged];
-        let (first, last) = (*own.first()?, *own.last()?);
-        (self.averaged == 1 && last - first + 1 == own.len()).then_some(first..last + 1)
+        let rows = &self.judged[judged];
+        let (first, last) = (*rows.first()?, *rows.last()?);
+        (self.averaged == 1 && last - first + 1 == rows.len()).then_some(first..last + 1)
     }
 
     /// Returns a function of each row's index.
@@ -219,8 +219,8 @@ impl Rows {
 
     /// Returns the values of a covariate by its name.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        let own = self.covariates.iter().find(|covariate| covariate.name == name)?;
-        Some(&own.values)
+        let found = self.covariates.iter().find(|covariate| covariate.name == name)?;
+        Some(&found.values)
     }
 
     /// Returns the sum of the squared weights of the judged rows.

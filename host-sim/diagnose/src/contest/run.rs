@@ -155,13 +155,13 @@ impl Contest<'_> {
         let Some(best) = self.best() else { return };
         let entry = &self.found.entries[best.bank];
         let mut wanted = screen(self.rows, entry, &best);
-        wanted.retain(|correction| kernels.iter().all(|(own, _)| !own.is_near(*correction)));
+        wanted.retain(|correction| kernels.iter().all(|(tried, _)| !tried.is_near(*correction)));
         if matches!(entry.base.origin, Origin::Shapes(_)) {
             // A correction changes the columns of its entry, so each begins with the law's own.
-            let is_own =
+            let is_of_entry =
                 |base: &&Base| base.name == entry.base.name && base.travel == entry.base.travel;
-            let own = bases.iter().find(is_own);
-            let shaped = wanted.iter().filter_map(|c| Some((own?.clone(), *c))).collect();
+            let base = bases.iter().find(is_of_entry);
+            let shaped = wanted.iter().filter_map(|c| Some((base?.clone(), *c))).collect();
             self.add(shaped);
         }
         let best = self.best().unwrap_or(best);
@@ -172,8 +172,8 @@ impl Contest<'_> {
             wanted.push(entry.correction);
         }
         let fit = |correction: &Correction| {
-            let own = kernels.iter().rev().find(|(own, _)| own == correction);
-            let start = own.or(kernels.first()).map(|(_, law)| law.start())?;
+            let same = kernels.iter().rev().find(|(tried, _)| tried == correction);
+            let start = same.or(kernels.first()).map(|(_, law)| law.start())?;
             Some((*correction, KernelLaw::fit(self.rows, &target, *correction, &[start])?))
         };
         let fitted: Vec<(Correction, KernelLaw)> = wanted.par_iter().filter_map(fit).collect();
@@ -198,7 +198,7 @@ impl Contest<'_> {
         let residual = residual(self.rows, entry, &set);
         let found =
             RippleOrders::find(self.rows, &residual, &entry.columns(&set), &entry.base.level);
-        if self.waves.orders.iter().all(|own| !own.is_like(&found)) {
+        if self.waves.orders.iter().all(|known| !known.is_like(&found)) {
             self.waves.orders.push(found);
         }
     }
@@ -280,16 +280,16 @@ fn screen(rows: &Rows, entry: &Entry, best: &Hypothesis) -> Vec<Correction> {
     errors.sort_by(|a, b| a.0.total_cmp(&b.0));
     // The best of each kind, and that of the best at its best size.
     let mut kept: Vec<Correction> = Vec::new();
-    for (own_error, correction) in errors {
+    for (error_of_kind, correction) in errors {
         let kind = std::mem::discriminant(&correction);
-        if kept.iter().any(|own| std::mem::discriminant(own) == kind) {
+        if kept.iter().any(|other| std::mem::discriminant(other) == kind) {
             continue;
         }
         let better_of = |best: (f64, Correction), near: Vec<Correction>| {
             let found = near.par_iter().map(error).min_by(|a, b| a.0.total_cmp(&b.0));
             found.filter(|found| found.0 < best.0).unwrap_or(best)
         };
-        let best = better_of((own_error, correction), correction.nearer());
+        let best = better_of((error_of_kind, correction), correction.nearer());
         kept.push(better_of(best, best.1.finer()).1);
     }
     kept.truncate(MOST_CORRECTIONS);

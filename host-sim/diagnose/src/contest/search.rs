@@ -137,10 +137,10 @@ impl<'a> Search<'a> {
 
     /// Returns true if a variant may join a set: a set holds one variant of each cause and column.
     fn fits(&self, set: &[u16], variant: u16) -> bool {
-        let own = &self.variants[variant as usize];
+        let joining = &self.variants[variant as usize];
         set.iter().all(|other| {
             let other = &self.variants[*other as usize];
-            other.key != own.key
+            other.key != joining.key
         })
     }
 

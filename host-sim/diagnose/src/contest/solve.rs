@@ -65,9 +65,9 @@ pub fn solve_in_place<const L: usize>(
     for i in (0..size).rev() {
         let row = &matrix[i * size..=i * size + i];
         right[i] = lanes(|at| right[i][at] * row[i][at]);
-        let (before, own) = right.split_at_mut(i);
+        let (before, now) = right.split_at_mut(i);
         for (before, factor) in before.iter_mut().zip(row) {
-            *before = lanes(|at| before[at] - factor[at] * own[0][at]);
+            *before = lanes(|at| before[at] - factor[at] * now[0][at]);
         }
     }
 }
@@ -78,9 +78,11 @@ mod tests {
 
     #[test]
     fn solve_of_known_system_returns_its_solution() {
-        let mut matrix = [4.0, 0.0, 0.0, 2.0, 5.0, 0.0, 1.0, 3.0, 6.0].map(|own| [own, 2.0 * own]);
+        let mut matrix =
+            [4.0, 0.0, 0.0, 2.0, 5.0, 0.0, 1.0, 3.0, 6.0].map(|value| [value, 2.0 * value]);
         // Symmetric: [4 2 1; 2 5 3; 1 3 6] x = b with x = (1, -2, 3), and twice the matrix for the same b.
-        let mut right = [4.0 - 4.0 + 3.0, 2.0 - 10.0 + 9.0, 1.0 - 6.0 + 18.0].map(|own| [own; 2]);
+        let mut right =
+            [4.0 - 4.0 + 3.0, 2.0 - 10.0 + 9.0, 1.0 - 6.0 + 18.0].map(|value| [value; 2]);
         solve_in_place(&mut matrix, &mut right, 3);
         for (found, expected) in right.iter().zip([1.0, -2.0, 3.0]) {
             assert!((found[0] - expected).abs() < 1e-12, "{right:?}");

@@ -44,14 +44,14 @@ pub fn weigh(
 ) {
     let kinds = kinds(rows, stop);
     let spread = |kind: Option<Kind>| {
-        let own = rows.judged.iter().filter(|row| kind.is_none_or(|kind| kinds[**row] == kind));
-        let values: Vec<f64> = own.map(|row| residual[*row].abs()).collect();
+        let of_kind = rows.judged.iter().filter(|row| kind.is_none_or(|kind| kinds[**row] == kind));
+        let values: Vec<f64> = of_kind.map(|row| residual[*row].abs()).collect();
         (values.len(), NORMAL * quantile(values, 0.5) + 1e-30)
     };
     let (_, usual) = spread(None);
     let weight = [Kind::Rest, Kind::Bend, Kind::Slide].map(|kind| {
-        let (count, own) = spread(Some(kind));
-        let weight = if count > MIN_ROWS { (usual / own).min(1.0) } else { 1.0 };
+        let (count, deviation) = spread(Some(kind));
+        let weight = if count > MIN_ROWS { (usual / deviation).min(1.0) } else { 1.0 };
         if kind == Kind::Rest { REST * weight } else { weight }
     });
     for (weighed, kind) in rows.weights.iter_mut().zip(kinds) {

@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn parse_of_emitted_table_returns_the_same_calibration() {
-        let own = ContestCalibration {
+        let calibration = ContestCalibration {
             name: "test".into(),
             start: -1.5,
             trees: ["last<1.0000 -0.2500 0.5000", "0.1250"]
@@ -58,7 +58,7 @@ mod tests {
                 .into(),
             steps: vec![(-2.0, 0.125), (1.5, 0.875)],
         };
-        assert_eq!(ContestCalibration::parse(&own.emit()), Ok(own));
+        assert_eq!(ContestCalibration::parse(&calibration.emit()), Ok(calibration));
     }
 
     #[test]

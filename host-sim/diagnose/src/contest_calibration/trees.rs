@@ -54,7 +54,7 @@ impl Tree {
                     at = if figures[*figure] < *below { at + 1 } else { *other };
                 }
                 Some(Node::Cause { among, other }) => {
-                    at = if among.iter().any(|own| own == category) { at + 1 } else { *other };
+                    at = if among.iter().any(|name| name == category) { at + 1 } else { *other };
                 }
             }
         }
@@ -85,7 +85,7 @@ impl Tree {
             let among = names.split(',').map(str::to_owned).collect();
             self.0.push(Node::Cause { among, other: 0 });
         } else if let Some((name, limit)) = word.split_once('<') {
-            let figure = FIGURES.iter().position(|own| own.name == name);
+            let figure = FIGURES.iter().position(|figure| figure.name == name);
             let (figure, below) = figure.zip(limit.parse().ok()).ok_or_else(|| wrong(word))?;
             self.0.push(Node::Figure { figure, below, other: 0 });
         } else {
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn value_follows_the_branches() {
         let tree = Tree::parse(TEXT).unwrap();
-        let at = |name: &str| FIGURES.iter().position(|own| own.name == name).unwrap();
+        let at = |name: &str| FIGURES.iter().position(|figure| figure.name == name).unwrap();
         let value = |cause: &str, last: f64, alone: f64| {
             let mut figures = vec![0.0; FIGURES.len()];
             (figures[at("last")], figures[at("alone")]) = (last, alone);

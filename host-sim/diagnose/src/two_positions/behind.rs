@@ -35,12 +35,15 @@ impl Behind {
         let parts: Vec<Vec<Fit>> = (0..folds).map(|fold| fits(&|at| at % folds != fold)).collect();
         let soft = SHARES + (SOFT * (SHARES - 1) as f64) as usize + 1;
         let best = |to: usize| -> Vec<Fit> {
-            parts.iter().map(|own| own[least(own, SHARES, to)].clone()).collect()
+            parts
+                .iter()
+                .map(|fits_of_part| fits_of_part[least(fits_of_part, SHARES, to)].clone())
+                .collect()
         };
         Self {
             by_motion: dead[least(&all, 0, SHARES)],
             by_lag: dead[least(&all, SHARES, 2 * SHARES) - SHARES],
-            parts: parts.iter().map(|own| dead[least(own, 0, SHARES)]).collect(),
+            parts: parts.iter().map(|fits_of_part| dead[least(fits_of_part, 0, SHARES)]).collect(),
             seen: HeldOut::new(&blocks, &best(soft), &best(2 * SHARES)),
         }
     }

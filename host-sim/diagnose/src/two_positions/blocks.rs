@@ -92,14 +92,14 @@ impl<'a> Course<'a> {
     fn advance(&mut self, position: f64) {
         let step = position - self.before;
         self.before = position;
-        for (state, own) in self.states.iter_mut().zip(self.operators) {
-            *state = (*state + step * 2.0 / own.travel).clamp(-1.0, 1.0);
+        for (state, operator) in self.states.iter_mut().zip(self.operators) {
+            *state = (*state + step * 2.0 / operator.travel).clamp(-1.0, 1.0);
         }
     }
 
     /// Returns the values, from -1 to 1.
     fn values(&self) -> impl Iterator<Item = f64> {
-        self.states.iter().zip(self.operators).map(|(state, own)| live(*state, own.dead))
+        self.states.iter().zip(self.operators).map(|(state, operator)| live(*state, operator.dead))
     }
 }
 
@@ -249,9 +249,9 @@ impl Blocks {
         let acceleration = stretch.run.acceleration_or_derived();
         let acceleration = &acceleration[stretch.rows.clone()];
         for block in 0..count {
-            let own = rows * block / count..rows * (block + 1) / count;
-            let mut table = DMatrix::zeros(own.len(), self.columns);
-            for (place, row) in own.enumerate() {
+            let in_block = rows * block / count..rows * (block + 1) / count;
+            let mut table = DMatrix::zeros(in_block.len(), self.columns);
+            for (place, row) in in_block.enumerate() {
                 for at in first + row * averaged..first + (row + 1) * averaged {
                     positions.scale.add(&mut table, place, (stretch, at, acceleration[at]));
                     course.advance(q[at]);
@@ -292,10 +292,10 @@ impl Blocks {
 
 /// Returns the sum of squares of a combination of some columns.
 fn quadratic(gram: &DMatrix<f64>, coefficients: &[f64], is_in: impl Fn(usize) -> bool) -> f64 {
-    let own: Vec<usize> =
+    let used: Vec<usize> =
         (0..coefficients.len()).filter(|at| coefficients[*at] != 0.0 && is_in(*at)).collect();
     let product = |a: &usize, b: &usize| coefficients[*a] * coefficients[*b] * gram[(*a, *b)];
-    own.iter().map(|a| own.iter().map(|b| product(a, b)).sum::<f64>()).sum::<f64>().max(0.0)
+    used.iter().map(|a| used.iter().map(|b| product(a, b)).sum::<f64>()).sum::<f64>().max(0.0)
 }
 
 /// Units of the columns, and the bins of the angle.
@@ -315,10 +315,11 @@ impl Scale {
         let all = |of: &dyn Fn(&Stretch) -> Vec<f64>| -> Vec<f64> {
             stretches.iter().flat_map(of).collect()
         };
-        let velocity = all(&|own| own.run.velocity[own.rows.clone()].to_vec());
-        let torque = all(&|own| own.run.torque[own.rows.clone()].to_vec());
-        let acceleration = all(&|own| own.run.acceleration_or_derived()[own.rows.clone()].to_vec());
-        let positions = stretches.iter().flat_map(|own| own.position.iter().copied());
+        let velocity = all(&|stretch| stretch.run.velocity[stretch.rows.clone()].to_vec());
+        let torque = all(&|stretch| stretch.run.torque[stretch.rows.clone()].to_vec());
+        let acceleration =
+            all(&|stretch| stretch.run.acceleration_or_derived()[stretch.rows.clone()].to_vec());
+        let positions = stretches.iter().flat_map(|stretch| stretch.position.iter().copied());
         let [low, high] =
             positions.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| [a.min(q), b.max(q)]);
         let span = match joint {
@@ -346,10 +347,10 @@ impl Scale {
         &self,
         table: &mut DMatrix<f64>,
         place: usize,
-        (own, row, acceleration): (&Stretch, usize, f64),
+        (stretch, row, acceleration): (&Stretch, usize, f64),
     ) {
-        let (position, at) = (own.position[row], own.rows.start + row);
-        let velocity = own.run.velocity[at];
+        let (position, at) = (stretch.position[row], stretch.rows.start + row);
+        let velocity = stretch.run.velocity[at];
         let mut add = |column: usize, value: f64| table[(place, column)] += value;
         add(0, (position - self.middle) / self.span);
         add(1, velocity / self.speed);
@@ -361,14 +362,14 @@ impl Scale {
         let (bin, share) = (along.floor() as usize, along.fract());
         add(3 + bin % ANGLE_BINS, 1.0 - share);
         add(3 + (bin + 1) % ANGLE_BINS, share);
-        add(TORQUE, own.run.torque[at] / self.torque.max(f64::MIN_POSITIVE));
+        add(TORQUE, stretch.run.torque[at] / self.torque.max(f64::MIN_POSITIVE));
         let direction = (velocity / self.slow).clamp(-1.0, 1.0);
         add(DIRECTION, direction);
         for (share, column) in LOW_SPEEDS.iter().zip(DIRECTION + 1..) {
             let low = share * self.slow / SLOW;
             add(column, direction * (-(velocity / low).powi(2)).exp());
         }
-        add(DIFFERENCE, own.difference[row]);
+        add(DIFFERENCE, stretch.difference[row]);
     }
 }
 
@@ -387,8 +388,8 @@ fn difference(first: &[f64], second: &[f64], joint: JointKind) -> Vec<f64> {
 /// Returns the slope of the second position over the first.
 fn slope(stretches: &[Stretch]) -> f64 {
     let mut products = [0.0; 2];
-    for own in stretches {
-        let [q, d] = [own.position, &own.difference].map(less_mean);
+    for stretch in stretches {
+        let [q, d] = [stretch.position, &stretch.difference].map(less_mean);
         products[0] += q.iter().map(|q| q * q).sum::<f64>();
         products[1] += q.iter().zip(&d).map(|(q, d)| q * d).sum::<f64>();
     }
@@ -397,8 +398,8 @@ fn slope(stretches: &[Stretch]) -> f64 {
 
 /// Returns the largest travel that the difference may hold, without its own slope over the position. `None` if it is constant.
 fn largest_travel(stretches: &[Stretch], slope: f64) -> Option<f64> {
-    let rest = |own: &Stretch| -> Vec<f64> {
-        let [q, d] = [own.position, &own.difference].map(less_mean);
+    let rest = |stretch: &Stretch| -> Vec<f64> {
+        let [q, d] = [stretch.position, &stretch.difference].map(less_mean);
         q.iter().zip(&d).map(|(q, d)| d - slope * q).collect()
     };
     let mut all: Vec<f64> = stretches.iter().flat_map(rest).collect();
@@ -412,7 +413,8 @@ fn largest_travel(stretches: &[Stretch], slope: f64) -> Option<f64> {
 
 /// Returns the number of rows that are averaged to one.
 fn averaged(stretches: &[Stretch]) -> usize {
-    let steps = stretches.iter().flat_map(|own| own.run.time_s[own.rows.clone()].windows(2));
+    let steps =
+        stretches.iter().flat_map(|stretch| stretch.run.time_s[stretch.rows.clone()].windows(2));
     let (count, time) =
         steps.fold((0usize, 0.0), |(count, time), pair| (count + 1, time + pair[1] - pair[0]));
     let rate = count as f64 / time.max(f64::MIN_POSITIVE);

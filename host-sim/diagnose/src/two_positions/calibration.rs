@@ -59,7 +59,8 @@ impl Calibration {
 
     /// Returns the probability of play.
     pub fn probability(&self, figures: &[f64; FIGURE_COUNT]) -> f64 {
-        let sum: f64 = self.weights.iter().zip(figures).map(|(weight, own)| weight * own).sum();
+        let sum: f64 =
+            self.weights.iter().zip(figures).map(|(weight, figure)| weight * figure).sum();
         (1.0 / (1.0 + (-self.start - sum).exp())).clamp(BOUNDS.0, BOUNDS.1)
     }
 }
@@ -70,13 +71,16 @@ mod tests {
 
     #[test]
     fn parse_of_the_table_in_the_repository_returns_weights() {
-        assert!(Calibration::parse(TABLE).is_some_and(|own| own.weights.iter().any(|w| *w > 0.0)));
+        assert!(
+            Calibration::parse(TABLE)
+                .is_some_and(|calibration| calibration.weights.iter().any(|w| *w > 0.0))
+        );
     }
 
     #[test]
     fn parse_of_emitted_table_returns_the_same_calibration() {
         let weights = [0.5; FIGURE_COUNT];
-        let own = Calibration { name: "test".into(), start: -1.5, weights };
-        assert_eq!(Calibration::parse(&own.emit()), Some(own));
+        let calibration = Calibration { name: "test".into(), start: -1.5, weights };
+        assert_eq!(Calibration::parse(&calibration.emit()), Some(calibration));
     }
 }

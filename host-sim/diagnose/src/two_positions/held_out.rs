@@ -25,7 +25,7 @@ impl HeldOut {
             (0..blocks.grams.len()).map(|at| (error(at, without), error(at, with))).collect();
         // Relative to the block's own error, because blocks of fast motion have much larger ones.
         let reduction = |(a, b): &(f64, f64)| (a - b) / (a + b).max(f64::MIN_POSITIVE);
-        let sums = pairs.iter().fold((0.0, 0.0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+        let sums = pairs.iter().fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0, sum.1 + pair.1));
         Self {
             errors: in_standard_errors(&pairs.iter().map(reduction).collect::<Vec<_>>()),
             share: 1.0 - sums.1 / f64::max(sums.0, f64::MIN_POSITIVE),

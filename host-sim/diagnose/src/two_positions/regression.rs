@@ -43,17 +43,17 @@ impl<'a> Regression<'a> {
     pub fn new(blocks: &'a Blocks, is_in: impl Fn(usize) -> bool) -> Self {
         let columns = blocks.columns;
         let mut gram = DMatrix::zeros(columns, columns);
-        for (at, own) in blocks.grams.iter().enumerate() {
+        for (at, products) in blocks.grams.iter().enumerate() {
             if is_in(at) {
-                gram += own;
+                gram += products;
             }
         }
         let (eliminated, rest) = (NUISANCES, columns - NUISANCES);
-        let mut own = gram.view((0, 0), (eliminated, eliminated)).into_owned();
-        let largest = own.diagonal().max().max(f64::MIN_POSITIVE);
-        (0..eliminated).for_each(|at| own[(at, at)] += RIDGE * largest);
+        let mut system = gram.view((0, 0), (eliminated, eliminated)).into_owned();
+        let largest = system.diagonal().max().max(f64::MIN_POSITIVE);
+        (0..eliminated).for_each(|at| system[(at, at)] += RIDGE * largest);
         let cross = gram.view((0, eliminated), (eliminated, rest)).into_owned();
-        let shared = own
+        let shared = system
             .cholesky()
             .map_or_else(|| DMatrix::zeros(eliminated, rest), |factor| factor.solve(&cross));
         let reduced = gram.view((eliminated, eliminated), (rest, rest)) - cross.tr_mul(&shared);
@@ -80,8 +80,8 @@ impl<'a> Regression<'a> {
         let directions: Vec<Combination> =
             (0..DIRECTIONS).map(|at| vec![(DIRECTION + at, 1.0)]).collect();
         let fit = |operator: usize| {
-            let own = vec![(OPERATORS + operator, 1.0)];
-            let columns: Vec<Combination> = directions.iter().cloned().chain([own]).collect();
+            let of_load = vec![(OPERATORS + operator, 1.0)];
+            let columns: Vec<Combination> = directions.iter().cloned().chain([of_load]).collect();
             let mut fit = self.fit(TORQUE, &columns);
             fit.size = fit.coefficients[OPERATORS + operator];
             fit.operator = operator;
@@ -93,7 +93,7 @@ impl<'a> Regression<'a> {
     /// Returns the best fit with a stop operator beside others, or the fit without one.
     fn lag(&self, without: Fit, others: &[Combination]) -> Fit {
         let mut best = without;
-        for (operator, own) in self.blocks.operators.iter().enumerate() {
+        for (operator, stop) in self.blocks.operators.iter().enumerate() {
             let column = OPERATORS + operator;
             let columns: Vec<Combination> =
                 others.iter().cloned().chain([vec![(column, -1.0)]]).collect();
@@ -101,7 +101,7 @@ impl<'a> Regression<'a> {
             fit.size = -2.0 * fit.coefficients[column];
             fit.operator = operator;
             let is_wide = |ratio: f64| (WIDTH_RATIOS[0]..WIDTH_RATIOS[1]).contains(&ratio);
-            if fit.error < best.error && fit.size > 0.0 && is_wide(own.travel / fit.size) {
+            if fit.error < best.error && fit.size > 0.0 && is_wide(stop.travel / fit.size) {
                 best = fit;
             }
         }
@@ -127,14 +127,14 @@ impl<'a> Regression<'a> {
     fn fit(&self, target: usize, columns: &[Combination]) -> Fit {
         let mut best = (f64::INFINITY, Vec::new());
         for subset in 0..1usize << columns.len() {
-            let own: Vec<Combination> = (0..columns.len())
+            let chosen: Vec<Combination> = (0..columns.len())
                 .filter(|at| subset & (1 << at) != 0)
                 .map(|at| columns[at].clone())
                 .collect();
-            let (error, sizes) = self.solve(target, &own);
+            let (error, sizes) = self.solve(target, &chosen);
             if error < best.0 && sizes.iter().all(|size| *size >= 0.0) {
-                let terms = own.iter().zip(&sizes).flat_map(|(own, size)| {
-                    own.iter().map(move |(column, factor)| (*column, factor * size))
+                let terms = chosen.iter().zip(&sizes).flat_map(|(combination, size)| {
+                    combination.iter().map(move |(column, factor)| (*column, factor * size))
                 });
                 best = (error, terms.collect());
             }
@@ -169,8 +169,8 @@ impl<'a> Regression<'a> {
         let mut found = vec![0.0; self.blocks.columns];
         for (column, size) in terms.iter().copied().chain([(target, -1.0)]) {
             found[column] += size;
-            for (at, own) in found.iter_mut().take(self.eliminated).enumerate() {
-                *own -= size * self.shared[(at, column - self.eliminated)];
+            for (at, coefficient) in found.iter_mut().take(self.eliminated).enumerate() {
+                *coefficient -= size * self.shared[(at, column - self.eliminated)];
             }
         }
         found

@@ -112,13 +112,17 @@ fn diagnose_with_wrong_bore_area_names_pressure_and_an_additive_torque() {
     println!("{named:?}, {}", crate::candidates(&found));
     // The error of the area is additive, and the torque is corrected for it.
     let mut faults = found.log_findings.iter();
-    assert!(faults.any(|own| own.kind == LogFindingKind::ChannelGain), "{:?}", found.log_findings);
+    assert!(
+        faults.any(|fault| fault.kind == LogFindingKind::ChannelGain),
+        "{:?}",
+        found.log_findings
+    );
     // What the area leaves is an offset of about the same probability.
     assert!(
-        named.iter().all(|own| ["pressure-coulomb", "torque-offset"].contains(own)),
+        named.iter().all(|name| ["pressure-coulomb", "torque-offset"].contains(name)),
         "{named:?}"
     );
-    let is_pressure = |own: &&Finding| own.cause.name() == "pressure-coulomb";
+    let is_pressure = |finding: &&Finding| finding.cause.name() == "pressure-coulomb";
     let pressure = found.findings.iter().find(is_pressure);
     let pressure = pressure.unwrap_or_else(|| panic!("{named:?}"));
     assert!(pressure.probability > 0.8, "{pressure:?}");

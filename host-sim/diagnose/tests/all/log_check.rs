@@ -218,7 +218,7 @@ fn diagnose_with_low_passed_torque_uses_low_passed_model() {
     near(finding.value, time_constant_s, 0.1 * time_constant_s);
     println!("{}", crate::candidates(&found));
     // No cause is certain beside a filter.
-    assert!(found.findings.iter().all(|own| own.probability < 0.9), "{:?}", found.findings);
+    assert!(found.findings.iter().all(|finding| finding.probability < 0.9), "{:?}", found.findings);
     let stiffness = found.extended.parameters.get(ParameterId::BristleStiffness);
     println!("stiffness {stiffness}");
     near(stiffness, 750.0, 75.0);
@@ -409,8 +409,9 @@ fn check_with_all_channels_held_keeps_one_row_of_each_reading() {
         }
     };
     let checked = check(log(spoil), Corrections::of_motion(Some(false)));
-    let held = checked.findings.iter().filter(|own| own.kind == LogFindingKind::HeldChannel);
-    for finding in held.filter(|own| own.columns != ["gauge_torque_nm"]) {
+    let held =
+        checked.findings.iter().filter(|finding| finding.kind == LogFindingKind::HeldChannel);
+    for finding in held.filter(|finding| finding.columns != ["gauge_torque_nm"]) {
         assert!(finding.corrected, "{finding:?}");
     }
     let run = &checked.data.runs[0];

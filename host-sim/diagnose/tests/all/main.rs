@@ -14,8 +14,13 @@ mod tables;
 
 /// Returns the candidates of a diagnosis with their probabilities.
 pub fn candidates(found: &friction_diagnose::Diagnosis) -> String {
-    let own = |own: &friction_diagnose::WeighedCause| {
-        format!("{} ({}) {:.2}", own.cause.name(), own.columns().join(", "), own.probability)
+    let describe = |candidate: &friction_diagnose::WeighedCause| {
+        format!(
+            "{} ({}) {:.2}",
+            candidate.cause.name(),
+            candidate.columns().join(", "),
+            candidate.probability
+        )
     };
-    found.candidates.iter().map(own).collect::<Vec<_>>().join("; ")
+    found.candidates.iter().map(describe).collect::<Vec<_>>().join("; ")
 }

@@ -91,7 +91,7 @@ impl Answer {
 
     /// Returns true if a finding has this column.
     fn uses(&self, column: &str) -> bool {
-        self.findings.iter().any(|named| named.columns.split(',').any(|own| own == column))
+        self.findings.iter().any(|named| named.columns.split(',').any(|name| name == column))
     }
 }
 
@@ -137,7 +137,7 @@ const ROBOT_BODY: &str = "inertia,load,offset";
 
 /// Diagnoses the excerpt of a case with the default split, and compares its answer with [`EXCERPTS`].
 fn check_excerpt(case: &Case) {
-    let Some(expected) = EXCERPTS.iter().find(|own| own.file == case.files[0]) else {
+    let Some(expected) = EXCERPTS.iter().find(|excerpt| excerpt.file == case.files[0]) else {
         println!("skipped: the diagnosis of {:?}: tests/run --all", case.files);
         return;
     };
@@ -311,7 +311,8 @@ fn diagnose_third_robot_axis_names_ripple_of_order_eight() {
 fn diagnose_screw_with_varying_zero_finds_ripple_of_order_one_possible() {
     let screw = Case { files: &["screw-antibacklash.csv"], rigid_body: "offset", ..CASE };
     let Some((answer, found)) = answer(&screw) else { return };
-    let ripple = found.candidates.iter().find(|own| own.cause.name() == "torque-ripple");
+    let ripple =
+        found.candidates.iter().find(|candidate| candidate.cause.name() == "torque-ripple");
     let ripple = ripple.expect("a candidate");
     assert!(ripple.probability > 0.3, "{ripple:?}");
     let detail = ripple.figures.detail.to_string();
@@ -361,7 +362,7 @@ fn diagnose_worm_drive_names_direction_asymmetry_or_offset_as_indistinguishable(
     assert!(pair.contains(&answer.cause()), "{answer:?}");
     assert!((1e-4..1.7e-4).contains(&answer.after), "{answer:?}");
     let mut rivals = found.findings[0].confusable_with.iter();
-    assert!(rivals.any(|own| pair.contains(&own.cause.name())), "{:?}", found.findings[0]);
+    assert!(rivals.any(|rival| pair.contains(&rival.cause.name())), "{:?}", found.findings[0]);
 }
 
 #[test]

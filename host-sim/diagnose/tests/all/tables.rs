@@ -139,10 +139,10 @@ fn prepare_of_contents_gives_data_notes_and_hash_of_the_file() {
         assert_eq!(content.hashes, file.hashes);
         assert_eq!(content.data.notes, file.data.notes);
         assert_eq!(content.data.rows, file.data.rows);
-        for (own, of_file) in content.data.runs.iter().zip(&file.data.runs) {
-            assert_eq!(own.name, of_file.name);
-            assert_eq!(own.time_s, of_file.time_s);
-            assert_eq!(own.torque, of_file.torque);
+        for (run, of_file) in content.data.runs.iter().zip(&file.data.runs) {
+            assert_eq!(run.name, of_file.name);
+            assert_eq!(run.time_s, of_file.time_s);
+            assert_eq!(run.torque, of_file.torque);
         }
     }
 }

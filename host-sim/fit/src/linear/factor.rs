@@ -116,8 +116,8 @@ impl Factor {
             Self::Velocity => Cow::Borrowed(velocity),
             Self::Speed => map(&|row| velocity[row].abs()),
             Self::Direction { above } => map(&|row| {
-                let own = motion.velocity[row];
-                if own.abs() > *above { own.signum() } else { 0.0 }
+                let velocity = motion.velocity[row];
+                if velocity.abs() > *above { velocity.signum() } else { 0.0 }
             }),
             Self::Acceleration => Cow::Borrowed(&motion.acceleration),
             Self::Stop { travel } => Cow::Owned(stop(position, &motion.runs, *travel)),
@@ -269,7 +269,7 @@ impl Regressor {
         let mut product = first.values(inputs)?.into_owned();
         for factor in factors {
             let values = factor.values(inputs)?;
-            product.iter_mut().zip(values.iter()).for_each(|(own, value)| *own *= value);
+            product.iter_mut().zip(values.iter()).for_each(|(product, value)| *product *= value);
         }
         Some(product)
     }

@@ -76,7 +76,7 @@ pub fn later(values: &[f64], runs: &[Range<usize>], rows: f64) -> Vec<f64> {
     let mut out = shift(values, runs, whole as i32);
     if share > 0.0 {
         let next = shift(values, runs, whole as i32 + 1);
-        out.iter_mut().zip(next).for_each(|(own, next)| *own += share * (next - *own));
+        out.iter_mut().zip(next).for_each(|(now, next)| *now += share * (next - *now));
     }
     out
 }

@@ -120,8 +120,8 @@ pub fn predict_adapted(
         simulate_with_gains(&file.parameters, track, held, resolution, gains, sink);
         as_logged(file, data, track, run);
         set_flags(file, logged, run);
-        let own = rows[track.run][first..].iter_mut();
-        own.zip(learnt).for_each(|(row, learnt)| *row = Some(learnt));
+        let of_track = rows[track.run][first..].iter_mut();
+        of_track.zip(learnt).for_each(|(row, learnt)| *row = Some(learnt));
     }
     let metrics = metrics_of(data, &runs);
     Ok(AdaptedPrediction {

@@ -110,8 +110,8 @@ fn predict_log_applies_to_each_model_its_own_measurement() {
     let file = params::parse(&format!("{MODEL}{measured}{linear}"), &[]).unwrap();
     let of_driver = predict_log(&file, &data, &PredictionOptions::AS_EXPORTED).unwrap();
     assert!(of_driver.metrics.rmse < 1e-9, "{}", of_driver.metrics.rmse);
-    let own = predict_log(&file, &data, &PredictionOptions::default()).unwrap();
-    for (row, torque) in own.runs[0].torque.iter().enumerate() {
+    let predicted = predict_log(&file, &data, &PredictionOptions::default()).unwrap();
+    for (row, torque) in predicted.runs[0].torque.iter().enumerate() {
         assert_eq!(*torque, -0.5 * data.runs[0].velocity[row]);
     }
 }

@@ -107,17 +107,17 @@ fn intervals_of_determined_parameters_hold_the_truth() {
     let parameters = LawKind::Lugre.parameters();
     let (mut determined, mut held) = (0, 0);
     for (at, id) in parameters.iter().enumerate() {
-        let own = counts(&worlds, at);
+        let of_parameter = counts(&worlds, at);
         assert!(
-            own.0 as f64 >= MIN_DETERMINED * count as f64,
+            of_parameter.0 as f64 >= MIN_DETERMINED * count as f64,
             "{}: {} determined",
             id.name(),
-            own.0
+            of_parameter.0
         );
-        let share = own.1 as f64 / own.0 as f64;
+        let share = of_parameter.1 as f64 / of_parameter.0 as f64;
         let is_inside = (LIMITS.0..=LIMITS.1).contains(&share);
         assert!(!is_long || is_inside, "{}: {share} of the intervals", id.name());
-        (determined, held) = (determined + own.0, held + own.1);
+        (determined, held) = (determined + of_parameter.0, held + of_parameter.1);
     }
     let share = held as f64 / determined as f64;
     assert!((SHORT_LIMITS.0..=SHORT_LIMITS.1).contains(&share), "{share} of all intervals");
@@ -145,7 +145,9 @@ fn identify_with_active_joint_reports_the_truth_and_a_passive_form() {
     assert_eq!(form.parameters.convert::<f32>().validate(), Ok(()));
     assert!(!form.parameters.choices.allow_active);
     assert!(form.test.rmse > 1.05 * outcome.test.rmse, "{} {}", form.test.rmse, outcome.test.rmse);
-    let state = |id: Id| form.estimates.iter().find(|own| own.id == id).expect("a parameter").state;
+    let state = |id: Id| {
+        form.estimates.iter().find(|estimate| estimate.id == id).expect("a parameter").state
+    };
     assert_eq!(state(Id::StribeckVelocity), State::NotDetermined, "the form moves it");
     let cost = outcome.verdicts.iter().find(|note| note.contains("only dissipates energy"));
     let cost = cost.expect("a verdict with the cost");

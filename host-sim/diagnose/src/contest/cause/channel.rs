@@ -111,7 +111,8 @@ pub(super) fn temperature_coulomb(context: &Context) -> Vec<Columns> {
 /// A column that scales gravity or inertia, such as the mass that the joint carries.
 pub(super) fn payload(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
-    let is_load = |own: &&Covariate| own.quantity.is_none() && own.motion.is_none();
+    let is_load =
+        |covariate: &&Covariate| covariate.quantity.is_none() && covariate.motion.is_none();
     let extras = rows.covariates.iter().filter(is_load);
     let scales = |covariate: &Covariate| {
         let mut scaled = Vec::new();
@@ -132,8 +133,9 @@ pub(super) fn payload(context: &Context) -> Vec<Columns> {
 pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
     let of = |wanted: OtherMotion| {
-        let own = rows.covariates.iter().filter(move |own| own.motion == Some(wanted));
-        own.take(MOST_COUPLED).collect::<Vec<&Covariate>>()
+        let moving =
+            rows.covariates.iter().filter(move |covariate| covariate.motion == Some(wanted));
+        moving.take(MOST_COUPLED).collect::<Vec<&Covariate>>()
     };
     let (velocities, accelerations) = (of(OtherMotion::Velocity), of(OtherMotion::Acceleration));
     let all: Vec<&Covariate> = velocities.iter().chain(&accelerations).copied().collect();
@@ -141,11 +143,12 @@ pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
         return Vec::new();
     }
     let follows: Vec<String> = all.iter().map(|other| other.name.clone()).collect();
-    let factor = |own: &&Covariate| Factor::of_column(&own.name);
+    let factor = |covariate: &&Covariate| Factor::of_column(&covariate.name);
     let speeds: Vec<Factor> = velocities.iter().map(factor).collect();
     let inertial: Vec<Factor> = match accelerations.is_empty() {
         true => {
-            let slope = |own: &&Covariate| Factor::ColumnSlope { name: own.name.clone() };
+            let slope =
+                |covariate: &&Covariate| Factor::ColumnSlope { name: covariate.name.clone() };
             velocities.iter().map(slope).collect()
         }
         false => accelerations.iter().map(factor).collect(),
@@ -155,8 +158,8 @@ pub(super) fn joint_coupling(context: &Context) -> Vec<Columns> {
         products.extend(speeds[at..].iter().map(|b| Regressor::from([a.clone(), b.clone()])));
         products.push(Regressor::from([a.clone(), Factor::Velocity]));
     }
-    let single = |own: &[Factor]| -> Vec<Regressor> {
-        own.iter().map(|factor| Regressor::from([factor.clone()])).collect()
+    let single = |factors: &[Factor]| -> Vec<Regressor> {
+        factors.iter().map(|factor| Regressor::from([factor.clone()])).collect()
     };
     let variant = |detail: &str, regressors: Vec<Regressor>| Columns {
         follows: follows.clone(),

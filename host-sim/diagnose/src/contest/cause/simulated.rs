@@ -50,7 +50,7 @@ pub(crate) fn variants(
         let columns: Vec<Vec<f64>> = tracks
             .iter()
             .zip(&at.tracks)
-            .map(|(track, own)| exact(at, track, own, &wanted.effect))
+            .map(|(track, along)| exact(at, track, along, &wanted.effect))
             .collect();
         let column = rows.along_tracks(tracks.iter().zip(columns.iter().map(Vec::as_slice)));
         let is_usable = column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0);

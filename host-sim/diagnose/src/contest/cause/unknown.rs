@@ -20,7 +20,8 @@ pub(super) fn columns(context: &Context) -> Vec<Columns> {
     let rows = context.rows;
     let mut found = place(context);
     // Motions of other joints are a cause of their own.
-    let is_free = |own: &&Covariate| own.quantity.is_none() && own.motion.is_none();
+    let is_free =
+        |covariate: &&Covariate| covariate.quantity.is_none() && covariate.motion.is_none();
     for covariate in rows.covariates.iter().filter(is_free) {
         let x = covariate.factor();
         let level = of_level(x.clone());
