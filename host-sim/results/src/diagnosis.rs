@@ -28,26 +28,7 @@ use friction_fit::linear::LinearTerm;
 use friction_fit::measurement::Measurement;
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, Split};
-use serde::Serialize;
 use serde_json::{Map, Value, json};
-
-/// The JSON document of a diagnosis.
-#[derive(Clone, Debug, Serialize)]
-#[serde(transparent)]
-pub struct DiagnosisDocument(Value);
-
-impl DiagnosisDocument {
-    /// Sets the errors of the model of `params.toml` on all rows.
-    pub fn set_prediction(&mut self, summary: Value) {
-        self.0["prediction"] = summary;
-    }
-
-    /// Returns the summary, five sentences.
-    pub fn summary(&self) -> Vec<&str> {
-        let sentences = self.0.get("story").and_then(Value::as_array);
-        sentences.into_iter().flatten().filter_map(Value::as_str).collect()
-    }
-}
 
 /// Makes a number finite for JSON: NaN becomes 0, an infinite number the largest finite one.
 fn finite(value: f64) -> f64 {
@@ -210,7 +191,7 @@ fn document_text(
     predicted: &PredictedLog,
 ) -> Result<String, ResultError> {
     let mut document = document(found, &input.data, &input.split, &input.hashes);
-    document.set_prediction(predicted.summary.clone());
+    document["prediction"] = predicted.summary.clone();
     pretty(&document)
 }
 
@@ -317,12 +298,7 @@ pub fn short_files(found: &Diagnosis, input: &Prepared) -> Result<Files, ResultE
 }
 
 /// Returns the document of a diagnosis. `hashes` are those of the files, in order.
-pub fn document(
-    found: &Diagnosis,
-    data: &Dataset,
-    split: &Split,
-    hashes: &[String],
-) -> DiagnosisDocument {
+pub fn document(found: &Diagnosis, data: &Dataset, split: &Split, hashes: &[String]) -> Value {
     let mut about = sources(data, split, hashes);
     about["noise_floor"] = json!(finite(found.noise_floor));
     about["calibration"] = json!(ContestCalibration::current().name);
@@ -335,7 +311,7 @@ pub fn document(
     if let Some(auxiliary) = &found.auxiliary {
         extended.insert("auxiliary".into(), json!(auxiliary));
     }
-    DiagnosisDocument(json!({
+    json!({
         "schema": 1,
         "data": about,
         "log": found.log_findings.iter().map(|finding| log_finding(finding, found)).collect::<Vec<_>>(),
@@ -376,5 +352,5 @@ pub fn document(
         "decisions": found.candidates.iter().filter_map(decision).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
-    }))
+    })
 }

@@ -10,6 +10,7 @@ use friction_fit::network::{BASE, NetworkFile};
 use friction_fit::params;
 use friction_fit::{Metrics, Outcome};
 use serde_json::json;
+use std::slice::from_ref;
 
 /// Name of the model.
 pub const MODEL: &str = "lugre-lstm";
@@ -47,8 +48,7 @@ pub fn network_files(
     names: &[String],
     input: &Prepared,
 ) -> Result<Files, ResultError> {
-    let base = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(fit));
-    let mut document = serde_json::to_value(&base)?;
+    let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
     let model = &mut document["models"][0];
     model["model"] = json!(MODEL);
     model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});
