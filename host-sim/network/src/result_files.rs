@@ -8,6 +8,7 @@ use friction_results::predicted::PredictedLog;
 use friction_results::provenance::parameter_file;
 use friction_results::{Files, ResultError, document, pretty};
 use serde_json::json;
+use std::slice::from_ref;
 
 /// Result of the training.
 #[derive(Clone, Debug)]
@@ -44,8 +45,7 @@ pub fn network_files(
     names: &[String],
     input: &Prepared,
 ) -> Result<Files, ResultError> {
-    let base = document(&input.data, &input.split, &input.hashes, std::slice::from_ref(fit));
-    let mut document = serde_json::to_value(&base)?;
+    let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
     let model = &mut document["models"][0];
     model["model"] = json!(MODEL);
     model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});

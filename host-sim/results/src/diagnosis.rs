@@ -25,26 +25,7 @@ use friction_fit::linear::LinearTerm;
 use friction_fit::{Measurement, Outcome};
 use joint_log::log_check::LogFinding;
 use joint_log::{Dataset, Split};
-use serde::Serialize;
 use serde_json::{Map, Value, json};
-
-/// The JSON document of a diagnosis.
-#[derive(Clone, Debug, Serialize)]
-#[serde(transparent)]
-pub struct DiagnosisDocument(Value);
-
-impl DiagnosisDocument {
-    /// Sets the errors of the model of `params.toml` on all rows.
-    pub fn set_prediction(&mut self, summary: Value) {
-        self.0["prediction"] = summary;
-    }
-
-    /// Returns the summary, five sentences.
-    pub fn summary(&self) -> Vec<&str> {
-        let sentences = self.0.get("story").and_then(Value::as_array);
-        sentences.into_iter().flatten().filter_map(Value::as_str).collect()
-    }
-}
 
 /// Makes a number finite for JSON: NaN becomes 0, an infinite number the largest finite one.
 fn finite(value: f64) -> f64 {
@@ -212,7 +193,7 @@ fn document_text(
     predicted: &PredictedLog,
 ) -> Result<String, ResultError> {
     let mut document = document(found, stochastic, &input.data, &input.split, &input.hashes);
-    document.set_prediction(predicted.summary.clone());
+    document["prediction"] = predicted.summary.clone();
     pretty(&document)
 }
 
@@ -348,7 +329,7 @@ pub fn document(
     data: &Dataset,
     split: &Split,
     hashes: &[String],
-) -> DiagnosisDocument {
+) -> Value {
     let mut about = sources(data, split, hashes);
     about["noise_floor"] = json!(finite(found.noise_floor));
     about["calibration"] = json!(ContestCalibration::current().name);
@@ -404,5 +385,5 @@ pub fn document(
     {
         keys.shift_remove(EXTENSION);
     }
-    DiagnosisDocument(document)
+    document
 }

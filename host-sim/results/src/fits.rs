@@ -7,6 +7,7 @@ use crate::{Comparison, FitReport, ResultError, compare_fits, document, page};
 use friction_diagnose::hand_over::BesidePlain;
 use friction_diagnose::prepare::Prepared;
 use friction_fit::{Measurement, Outcome};
+use serde_json::json;
 use std::slice::from_ref;
 
 /// Result files of a comparison, and what a terminal shows of it.
@@ -58,8 +59,9 @@ fn fit_document_text(
     predicted: &PredictedLog,
 ) -> Result<String, ResultError> {
     let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
-    document.set_prediction(predicted.summary.clone());
-    document.set_plain(beside);
+    document["prediction"] = predicted.summary.clone();
+    document["plain"] = json!({ "test_rmse": beside.plain.test.rmse });
+    document["handed_over"] = json!(beside.handed_over.name());
     pretty(&document)
 }
 
@@ -104,11 +106,11 @@ pub fn comparison_files(
     let mut document = document(&input.data, &input.split, &input.hashes, fits);
     let Comparison { page, summary, chosen } = compare_fits(&report(input, fits));
     let best = &fits[chosen];
-    document.choose(&best.spec);
+    document["chosen"] = json!(best.spec.to_string());
     let html = page.render().into_bytes();
     let toml = parameter_file("compare", input, best, None, &Measurement::default());
     let predicted = PredictedLog::of_text(&toml, &input.data)?;
-    document.set_prediction(predicted.summary.clone());
+    document["prediction"] = predicted.summary.clone();
     let others = vec![("compare.html", html), ("params.toml", toml.into_bytes())];
     let mut files = Files { document: ("compare.json", pretty(&document)?), others };
     predicted.add_rows(&input.data, &mut files)?;

@@ -4,37 +4,11 @@
 //! column. `nrmse_std` and `nrmse_range` are the RMSE divided by the standard deviation and by the range of the measured
 //! torque on the same rows. `driver_form` is the passive form in `params.toml`, if `params` give an active law. `bic` is `n ln(SSE/n) + k ln n` on the training rows.
 
-use friction_diagnose::hand_over::BesidePlain;
 use friction_fit::params::unit;
-use friction_fit::spec::Spec;
 use friction_fit::{Estimate, Outcome};
 use joint_log::log_check::{ColumnOverview, overview};
 use joint_log::{Dataset, Split};
-use serde::Serialize;
 use serde_json::{Map, Value, json};
-
-/// The JSON document of one or more fits.
-#[derive(Clone, Debug, Serialize)]
-#[serde(transparent)]
-pub struct FitDocument(Value);
-
-impl FitDocument {
-    /// Sets the errors of the model of `params.toml` on all rows, and the file with each row.
-    pub fn set_prediction(&mut self, summary: Value) {
-        self.0["prediction"] = summary;
-    }
-
-    /// Sets the error of plain friction on the held-out rows, and whether `params.toml` has plain friction or the fitted model.
-    pub fn set_plain(&mut self, beside: &BesidePlain) {
-        self.0["plain"] = json!({ "test_rmse": beside.plain.test.rmse });
-        self.0["handed_over"] = json!(beside.handed_over.name());
-    }
-
-    /// Sets the recommended model, if there are several.
-    pub fn choose(&mut self, model: &Spec) {
-        self.0["chosen"] = json!(model.to_string());
-    }
-}
 
 pub(super) fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
     let value = json!({
@@ -61,7 +35,7 @@ fn correlation(outcome: &Outcome) -> Map<String, Value> {
 }
 
 /// Returns the document of fits to a data set. `hashes` are those of the files, in order.
-pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcome]) -> FitDocument {
+pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcome]) -> Value {
     let parameters = |estimates: &[Estimate]| -> Map<_, _> {
         estimates.iter().map(|estimate| parameter(estimate, data)).collect()
     };
@@ -91,7 +65,7 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
         model
     };
     let models: Vec<Value> = fits.iter().map(model).collect();
-    FitDocument(json!({ "schema": 1, "data": sources(data, split, hashes), "models": models }))
+    json!({ "schema": 1, "data": sources(data, split, hashes), "models": models })
 }
 
 /// Describes a column as used, and its source in the file.

@@ -55,7 +55,7 @@ mod write;
 
 pub use error::ResultError;
 pub use files::{Files, pretty};
-pub use json::{FitDocument, document};
+pub use json::document;
 #[cfg(feature = "pages")]
 pub use page::{Comparison, FitReport, compare_fits, page};
 pub use predicted::ROWS_FILE;

@@ -4,6 +4,7 @@
 //! Several captures are several runs, because nothing is known of the time between them.
 
 use crate::files::pretty;
+use crate::page::words::counted;
 use crate::report::{Answers, Axis, Benefit, Block, Cell, Chart, Page, Series, Table};
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use crate::{Files, ResultError};
@@ -138,7 +139,7 @@ impl ScopeResult {
         format!(
             "{}: {} of {rows} rows at {rate} Hz, trigger: {}",
             self.joint,
-            plural(self.captures.len(), "capture"),
+            counted(self.captures.len(), "capture"),
             self.trigger
         )
     }
@@ -161,7 +162,7 @@ impl ScopeResult {
         Answers {
             what: format!(
                 "{} of the joint's current loop, row by row around the trigger.",
-                plural(self.signals.len(), "signal")
+                counted(self.signals.len(), "signal")
             ),
             certainty: format!(
                 "Each row is one value of the loop, {:.3} ms after the row before it.",
@@ -210,10 +211,6 @@ impl ScopeResult {
         });
         Table::new("Statistics of the signals over all captures", "signal|min|mean|max|RMS", rows)
     }
-}
-
-fn plural(count: usize, word: &str) -> String {
-    if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
 }
 
 /// Returns the unit at the end of a signal's name.

@@ -16,6 +16,7 @@ use crate::driver_file;
 use crate::simulated;
 use compensator_core::can::NodeId;
 use friction_diagnose::prepare::{Error, file_sha256};
+use friction_diagnose::summary::summary;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_fit::{Measurement, params};
 use friction_results::diagnosis;
@@ -111,8 +112,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
 
     let bar = spinner("writing the report".into());
     let hashes = std::slice::from_ref(&hash);
-    let document = diagnosis::document(&found, &stochastic, &data, &parts, hashes);
-    let value = serde_json::to_value(&document).map_err(|error| error.to_string())?;
+    let value = diagnosis::document(&found, &stochastic, &data, &parts, hashes);
     let toml = diagnosis::handed_over_text(&found, |model, auxiliary, measurement| {
         let mut text = params::emit(model, &data, auxiliary);
         measurement.emit(Measurement::OF_FILE, &mut text);
@@ -147,7 +147,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
         return print_text(&pretty(&json_result(seed, &scenario, &answer, value, &replay))?);
     }
     let mut text = "\nDiagnosis of the recording:\n".to_owned();
-    text += &table::numbered(&document.summary());
+    text += &table::numbered(&summary(&found));
     text += &format!("\n{}\n", describe_truth(&scenario, &found, &answer));
     text += &format!(
         "\nFinished in {:.0} s. Open {out}/report.html for the report. Other files in {out}: diagnosis.json, params.toml, data.csv, \

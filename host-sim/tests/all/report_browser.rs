@@ -195,7 +195,7 @@ fn example() -> Page {
 
 fn written_example(name: &str) -> PathBuf {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    example().write(&file).expect("written");
+    fs::write(&file, example().render()).expect("written");
     file
 }
 
@@ -294,7 +294,7 @@ fn fleet_page_of_400_px_width_shows_rows_without_scrolling() {
     };
     let rows: Vec<FleetRow> = (0..40).map(row).collect();
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fleet_narrow.html");
-    fleet::page(&rows, &[], &[]).write(&file).expect("written");
+    fs::write(&file, fleet::page(&rows, &[], &[]).render()).expect("written");
     let said = read_frame(&chromium, &framed(&file, 400));
     assert_eq!(said("out").as_deref(), Some(""));
     assert_eq!(said("beyond").as_deref(), Some("0"));
@@ -325,7 +325,7 @@ fn lead_has_first_chart_beside_facts_or_after_first_fact_if_narrow() {
         charts: vec![law_chart(&time, &torque), rmse_chart(&[3.0, 2.0, 1.0])],
     });
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("report_lead.html");
-    page.write(&file).expect("written");
+    fs::write(&file, page.render()).expect("written");
     let order = ["first", "main", "rest", "below"].join(" ");
     for (width_px, beside) in [(400, "false"), (1000, "true")] {
         let said = read_frame(&chromium, &framed(&file, width_px));

@@ -185,8 +185,14 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
         let sync = &mut self.pdos.sync;
         match at.index {
-            index::SYNC_PERIOD => return Ok(sync.period_us = number),
-            index::SYNC_WINDOW => return Ok(sync.window_us = number),
+            index::SYNC_PERIOD => {
+                sync.period_us = number;
+                return Ok(());
+            }
+            index::SYNC_WINDOW => {
+                sync.window_us = number;
+                return Ok(());
+            }
             index::SYNC_OVERFLOW => return self.set_sync_overflow(number),
             _ => {}
         }

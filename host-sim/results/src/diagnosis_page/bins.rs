@@ -5,25 +5,13 @@
 //! one observation (a *passage*). A bin with few passages has no error bar, because its standard error is not reliable.
 
 use super::rows::Rows;
+use friction_diagnose::Spacing;
 
 /// Minimum number of rows in a bin; bins with fewer rows are left out.
 const MIN_ROWS: usize = 6;
 
 /// Minimum number of passages for an error bar.
 const MIN_PASSAGES: usize = 4;
-
-/// Spacing of the bins.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Spacing {
-    /// Equal widths.
-    Even,
-    /// Narrow at zero, where friction changes fastest, and wider with the square of the distance.
-    NarrowAtZero,
-    /// Equal widths on a logarithmic scale; values that are not positive are left out.
-    Log,
-    /// One bin for each run.
-    Runs,
-}
 
 /// Mean of one bin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -56,8 +44,8 @@ impl Bins {
         let scale = |x: f64| match spacing {
             Spacing::Even | Spacing::Runs => x,
             Spacing::NarrowAtZero => x.signum() * x.abs().sqrt(),
-            Spacing::Log if x > 0.0 => x.ln(),
-            Spacing::Log => f64::NAN,
+            Spacing::Logarithmic if x > 0.0 => x.ln(),
+            Spacing::Logarithmic => f64::NAN,
         };
         let scaled: Vec<f64> = x.iter().map(|x| scale(*x)).collect();
         let finite = || scaled.iter().copied().filter(|x| x.is_finite());
@@ -192,7 +180,7 @@ mod tests {
         let means = bins.means(&x, &y, None);
         assert_eq!(means.len(), 1, "three rows are too few for a mean");
         assert_eq!(means[0].y, 1.0);
-        let logarithmic = Bins::new(&rows(100), &[-1.0; 100], Spacing::Log, 10, 1.0);
+        let logarithmic = Bins::new(&rows(100), &[-1.0; 100], Spacing::Logarithmic, 10, 1.0);
         assert!(logarithmic.means(&x, &x, None).is_empty());
         let still = Bins::new(&rows(100), &[2.0; 100], Spacing::NarrowAtZero, 10, 1.0);
         assert_eq!(still.means(&[2.0; 100], &x, None).len(), 1);

@@ -6,11 +6,11 @@
 //! this cause, then shows the effect of this cause alone.
 
 use super::Scene;
-use super::bins::{Bins, Mean, Spacing};
+use super::bins::{Bins, Mean};
 use super::figures::{AFTER, fitting_range};
 use super::rows::{REST_SPEED_SHARE, Rows, rate, rest_before, since_reversal};
 use crate::report::{Axis, Chart, Series, Style, rounded};
-use friction_diagnose::{Evidence, Finding, PlaneAxis, ResidualView, Spacing as BinSpacing};
+use friction_diagnose::{Evidence, Finding, PlaneAxis, ResidualView, Spacing};
 use friction_fit::predict;
 use joint_log::number::significant;
 use joint_log::{Quantity, contract};
@@ -152,11 +152,8 @@ fn plane(scene: &Scene, evidence: &friction_diagnose::Plane) -> Option<Plane> {
         plane.leave_out_ends();
     }
     plane.spacing = match evidence.spacing {
-        BinSpacing::Even => Spacing::Even,
-        BinSpacing::NarrowAtZero => Spacing::NarrowAtZero,
-        BinSpacing::Logarithmic => Spacing::Log,
-        BinSpacing::Runs if scene.about.data.runs.len() > 1 => Spacing::Runs,
-        BinSpacing::Runs => Spacing::Even,
+        Spacing::Runs if scene.about.data.runs.len() <= 1 => Spacing::Even,
+        spacing => spacing,
     };
     Some(plane)
 }
@@ -257,7 +254,7 @@ fn chart(scene: &Scene, rows: &Rows, plane: &Plane, wide: bool) -> Option<Chart>
         drawn.extend(alone);
     }
     let range = fitting_range(&base, &drawn, weight.is_none());
-    let log = plane.spacing == Spacing::Log;
+    let log = plane.spacing == Spacing::Logarithmic;
     Some(Chart {
         title: plane.title.clone(),
         caption: format!("{} {}", plane.says, off_zero(&base, &extended)).trim().to_owned(),

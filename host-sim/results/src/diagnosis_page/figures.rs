@@ -1,7 +1,7 @@
 //! The charts that do not belong to a single cause.
 
 use super::Scene;
-use super::bins::{Bins, Mean, Spacing};
+use super::bins::{Bins, Mean};
 use super::rows::Stretch;
 use super::rows::times;
 use crate::budget::{BudgetStep, budget as budget_of};
@@ -9,6 +9,7 @@ use crate::page::words::quantity;
 use crate::ranking::RankedCandidate;
 use crate::report::{Axis, Chart, Series, rounded};
 use friction_diagnose::Share;
+use friction_diagnose::Spacing;
 use joint_log::number::significant;
 
 /// Legend of the base model.

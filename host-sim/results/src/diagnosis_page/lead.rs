@@ -35,22 +35,20 @@ pub(super) fn answers(scene: &Scene) -> Answers {
 /// Returns the probability of the first cause, or of the most likely candidate.
 fn certainty(found: &Diagnosis) -> String {
     let tested = counted(found.candidates.len(), "candidate");
-    let likely = |share: f64| probability_in_words(share);
-    if let Some(first) = found.findings.first() {
-        return format!(
-            "The probability that this is real is {}. {tested} {} compared on held-out rows.",
-            likely(first.probability),
-            if found.candidates.len() == 1 { "was" } else { "were" }
-        );
-    }
     let most = found.candidates.iter().max_by(|a, b| a.probability.total_cmp(&b.probability));
-    match most {
-        Some(most) => format!(
-            "The most likely of {tested} is {}, with a probability of {}.",
-            most.cause.name(),
-            likely(most.probability)
+    match (found.findings.first(), most) {
+        (Some(first), _) => format!(
+            "The probability that this is real is {}. Compared on held-out rows: {tested}.",
+            probability_in_words(first.probability)
         ),
-        None => "No candidate was in the best hypothesis or won in a resampled log.".to_owned(),
+        (None, Some(most)) => format!(
+            "{} has the highest probability of {tested}: {}.",
+            capitalised(most.cause.name()),
+            probability_in_words(most.probability)
+        ),
+        (None, None) => {
+            "No candidate was in the best hypothesis or won in a resampled log.".to_owned()
+        }
     }
 }
 

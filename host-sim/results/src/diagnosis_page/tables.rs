@@ -1,12 +1,13 @@
 //! The tables of the page.
 
 use super::Scene;
+use crate::page::tables::value_and_state;
 use crate::ranking::{RankedCandidate, gain};
 use crate::report::{Cell, Table};
 use compensator_core::ParameterId;
 use friction_diagnose::{Diagnosis, Share, probability_in_words};
+use friction_fit::Outcome;
 use friction_fit::params::unit;
-use friction_fit::{Estimate, Outcome, State};
 use joint_log::JointKind;
 use joint_log::number::significant;
 
@@ -132,17 +133,6 @@ fn row(found: &Diagnosis, id: ParameterId, joint: JointKind, extended: bool) -> 
         }
     }
     cells
-}
-
-fn value_and_state(estimate: &Estimate) -> [Cell; 2] {
-    let Estimate { value, std_error, state, .. } = *estimate;
-    match std_error {
-        Some(std_error) => {
-            [Cell::Estimate { value, std_error }, state.name().replace('-', " ").into()]
-        }
-        None if state == State::NotDetermined => [Cell::Empty, "not determined, not fitted".into()],
-        None => [Cell::Number(value), "kept constant".into()],
-    }
 }
 
 /// Returns true for a knot of the free curve that was kept at zero, and for a parameter that the model does not have.

@@ -12,6 +12,9 @@ use friction_fit::params::{ParameterFile, unit};
 use joint_log::JointKind;
 use std::fmt::Write as _;
 
+/// Body of the function `friction_start` of a law with bristles. `BISECTIONS` is replaced.
+const START: &str = include_str!("friction_start.c.in");
+
 /// Exports the model as a C header.
 pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel, ExportError> {
     let model = &file.compensated_model();
@@ -137,31 +140,7 @@ fn start_function(text: &mut String, has_bristles: bool) {
         );
         return;
     }
-    text.push_str(&format!(
-        "    /* A step at rest reduces a torque above any level to the level. */\n\
-         \x20   friction_inputs at_rest = *in;\n\
-         \x20   friction_state trial = *state;\n\
-         \x20   float least, most;\n\
-         \x20   int round;\n\
-         \x20   at_rest.velocity_rad_s = 0.0f;\n\
-         \x20   trial.bristle_torque_nm = 1e9f;\n\
-         \x20   (void)friction_step(&trial, &at_rest, dt_s);\n\
-         \x20   most = trial.bristle_torque_nm;\n\
-         \x20   trial = *state;\n\
-         \x20   trial.bristle_torque_nm = -1e9f;\n\
-         \x20   (void)friction_step(&trial, &at_rest, dt_s);\n\
-         \x20   least = trial.bristle_torque_nm;\n\
-         \x20   for (round = 0; round < {BISECTIONS}; round++) {{\n\
-         \x20       const float middle = 0.5f * (least + most);\n\
-         \x20       trial = *state;\n\
-         \x20       trial.bristle_torque_nm = middle;\n\
-         \x20       if (friction_step(&trial, in, dt_s) < torque_nm)\n\
-         \x20           least = middle;\n\
-         \x20       else\n\
-         \x20           most = middle;\n\
-         \x20   }}\n\
-         \x20   state->bristle_torque_nm = most;\n}}\n"
-    ));
+    text.push_str(&START.replace("BISECTIONS", &BISECTIONS.to_string()));
 }
 
 /// How tightly the operators of C bind, in rising order.

@@ -15,21 +15,8 @@ const BRISTLE_START: &str = "at the start of a run and after a gap in the sample
 const STATIC_START: &str =
     "the law has no bristles, so [`start`] returns a state of zero (`ModelState::default()`).";
 
-/// The function `start` of an exported file.
-const START_FUNCTION: &str = "
-/// Builds the law for a sample period, and a state from which the first step returns the measured friction torque of
-/// the first sample, as far as the static level permits.
-#[allow(dead_code, reason = \"a loop with a `Compensator` does not call it\")]
-pub fn start(
-    period_s: f32,
-    sample: &Sample<f32>,
-    torque_nm: f32,
-) -> Result<(FrictionModel<f32>, ModelState<f32>), ParameterError> {
-    let model = configuration().model.build::<f32>(period_s)?;
-    let state = model.state_for_torque(ModelState::default(), sample, torque_nm);
-    Ok((model, state))
-}
-";
+/// The functions of an exported file.
+const FUNCTIONS: &str = include_str!("functions.rs.in");
 
 /// Writes a struct of named numbers as a constant.
 fn fields(text: &mut String, [doc, name, kind]: [&str; 3], names: &[&str], values: &[f32]) {
@@ -91,16 +78,7 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> ExportedModel {
     let constant = ["Parameters of the compensator.", "COMPENSATOR", "CompensatorParameters"];
     let compensator = configuration.compensator.to_array();
     fields(&mut text, constant, &CompensatorParameters::NAMES, &compensator);
-    text.push_str(
-        "\n/// Returns the configuration from which a compensator is built.\n\
-         pub fn configuration() -> Configuration {\n    \
-             let mut model = Parameters::new(LAW);\n    \
-             for term in TERMS {\n        model.add_term(term);\n    }\n    \
-             for (id, value) in VALUES {\n        model.set(id, value);\n    }\n    \
-             model.choices = CHOICES;\n    model.envelope = ENVELOPE;\n    \
-             Configuration { model, compensator: COMPENSATOR }\n}\n",
-    );
-    text.push_str(START_FUNCTION);
+    text.push_str(FUNCTIONS);
     let terms = if terms.is_empty() { "" } else { ", with its feature `terms`" };
     let mut notes = vec![format!(
         "needs the crate compensator-core{terms}: Compensator::<f32>::build(&configuration(), period_s)"

@@ -155,15 +155,17 @@ fn units(joint: JointKind) -> [&'static str; 3] {
     }
 }
 
-/// Exports the line as an element. `also_written` are terms that the element has besides the line, and the notes on them.
+/// Exports the line as an element. `armature` is the inertia that the element has besides the line.
 fn export(
     file: &ParameterFile,
     source: &str,
-    also_written: (&[TermKind], Option<String>),
+    armature: Option<f64>,
     element: impl Fn(&FrictionLine) -> String,
 ) -> ExportedModel {
     let mut line = fit_line(file);
-    line.left_out.retain(|name| also_written.0.iter().all(|term| term.name() != *name));
+    if armature.is_some() {
+        line.left_out.retain(|name| *name != TermKind::UnmodelledInertia.name());
+    }
     let [torque, damping, speed] = units(file.joint);
     let mut notes = Vec::new();
     // For a linear law, the error is only rounding.
@@ -197,7 +199,12 @@ fn export(
             line.left_out.join(", ")
         ));
     }
-    notes.extend(also_written.1);
+    if armature.is_some() {
+        let unit = if file.joint == JointKind::Revolute { "kg m^2" } else { "kg" };
+        notes.push(format!(
+            "armature in {unit} is the whole inertia of the fit: subtract that of the bodies that the simulator moves"
+        ));
+    }
     // Two hyphens are not allowed inside an XML comment.
     let mut text = format!(
         "<!-- {} from {}: dry friction in {torque}, damping in {damping}.\n",
@@ -221,17 +228,7 @@ fn armature(file: &ParameterFile) -> Option<f64> {
 pub(super) fn mujoco(file: &ParameterFile, source: &str) -> ExportedModel {
     let kind = if file.joint == JointKind::Revolute { "hinge" } else { "slide" };
     let armature = armature(file);
-    let also_written: &[TermKind] = match armature {
-        Some(_) => &[TermKind::UnmodelledInertia],
-        None => &[],
-    };
-    let note = armature.map(|_| {
-        let unit = if file.joint == JointKind::Revolute { "kg m^2" } else { "kg" };
-        format!(
-            "armature in {unit} is the whole inertia of the fit: subtract that of the bodies that the simulator moves"
-        )
-    });
-    export(file, source, (also_written, note), |line| {
+    export(file, source, armature, |line| {
         let inertia =
             armature.map_or(String::new(), |inertia| format!(" armature=\"{}\"", inertia as f32));
         format!(
@@ -243,7 +240,7 @@ pub(super) fn mujoco(file: &ParameterFile, source: &str) -> ExportedModel {
 
 /// Exports the dynamics element of a URDF joint.
 pub(super) fn urdf(file: &ParameterFile, source: &str) -> ExportedModel {
-    export(file, source, (&[], None), |line| {
+    export(file, source, None, |line| {
         format!("<dynamics friction=\"{}\" damping=\"{}\"/>", line.dry as f32, line.damping as f32)
     })
 }

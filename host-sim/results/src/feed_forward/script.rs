@@ -7,57 +7,11 @@ use super::drive::Drive;
 use std::fmt::Write;
 
 /// Functions of every drive. `SPEED_UNIT`, `TORQUE_UNIT` and `SUFFIX` are replaced.
-const FUNCTIONS: &str = "\
-def table_torque_SUFFIX(speed):
-    \"\"\"Returns the torque of the table, TORQUE_UNIT, at a speed in SPEED_UNIT: linear between its points, constant beyond.\"\"\"
-    after = bisect.bisect_right(SPEEDS, speed)
-    if after == 0 or after == len(SPEEDS):
-        return TORQUES[min(after, len(SPEEDS) - 1)]
-    share = (speed - SPEEDS[after - 1]) / (SPEEDS[after] - SPEEDS[after - 1])
-    return TORQUES[after - 1] + share * (TORQUES[after] - TORQUES[after - 1])
+const FUNCTIONS: &str = include_str!("functions.py.in");
 
-
-def feed_forward_SUFFIX(speed, acceleration=0.0, position=None):
-    \"\"\"Returns the torque to send with a set-point, TORQUE_UNIT.
-
-    Pass the speed of the set-point, not the measured one: a measured speed closes a loop that can oscillate.
-    Leave `acceleration` at 0 if the drive itself adds the torque of the inertia.
-    \"\"\"
-    torque = table_torque_SUFFIX(speed) + INERTIA * acceleration
-    if position is not None:
-        angle = POSITION_SCALE * position
-        torque += GRAVITY[0] * math.sin(angle) + GRAVITY[1] * math.cos(angle)
-    return SCALE * torque
-";
-
-const MOTEUS: &str = "
-
-async def command(controller, position, speed, acceleration=0.0, **options):
-    \"\"\"Sends a set-point (turns, turns/s, turns/s^2) with its feed-forward torque to a `moteus.Controller`.\"\"\"
-    torque = feed_forward_nm(speed, acceleration, position)
-    return await controller.set_position(position=position, velocity=speed, feedforward_torque=torque, **options)
-";
-
-const ODRIVE: &str = "
-
-def command(axis, position, speed, acceleration=0.0):
-    \"\"\"Sends a set-point (turns, turns/s, turns/s^2) with its feed-forward torque over USB.
-
-    `axis.controller.config.input_mode` must be `PASSTHROUGH`: the other modes ignore `input_torque`.
-    \"\"\"
-    axis.controller.input_torque = feed_forward_nm(speed, acceleration, position)
-    axis.controller.input_vel = speed
-    axis.controller.input_pos = position
-
-
-def set_input_pos_data(position, speed, acceleration=0.0, velocity_scale=1000, torque_scale=1000):
-    \"\"\"Returns the data of the CAN message Set_Input_Pos (identifier 00Ch + 20h node).
-
-    Firmware 0.6 has the scales in `config.can.input_vel_scale` and `config.can.input_torque_scale`.
-    \"\"\"
-    torque = feed_forward_nm(speed, acceleration, position)
-    return struct.pack(\"<fhh\", position, round(velocity_scale * speed), round(torque_scale * torque))
-";
+/// The call of a host program, for each drive.
+const MOTEUS: &str = include_str!("moteus.py.in");
+const ODRIVE: &str = include_str!("odrive.py.in");
 
 /// Returns the text of the script.
 pub fn script(of: &FeedForward) -> String {

@@ -77,14 +77,6 @@ pub fn read_ageing(roots: &[&Path], out: &Path) -> Result<Vec<Ageing>, FleetErro
     Ok(ageing(&trends))
 }
 
-/// Slope of a joint, as shares of its first level.
-struct RelativeSlope {
-    slope: f64,
-    interval: [f64; 2],
-    p_value: f64,
-    error: f64,
-}
-
 /// Returns the results of joints, files and their trends.
 pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
     let fits = |confidence: f64| -> Vec<Option<RobustSlope>> {
@@ -93,26 +85,18 @@ pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
     let shown = fits(0.95);
     let tests = shown.iter().flatten().count().max(1) as f64;
     let tested = fits(1.0 - FLEET_SIGNIFICANCE / tests);
-    let relative = |fit: &RobustSlope| RelativeSlope {
-        slope: fit.slope / fit.first,
-        interval: fit.interval.map(|end| end / fit.first),
-        p_value: fit.p_value,
-        error: 0.0,
+    let relative = |fit: &Option<RobustSlope>| fit.as_ref().map(RobustSlope::relative);
+    let slopes: Vec<Option<RobustSlope>> = tested.iter().map(relative).collect();
+    let std_error = |fit: &Option<RobustSlope>| {
+        let [low, high] = relative(fit)?.interval;
+        Some((high - low) / (2.0 * HALF_WIDTH_95))
     };
-    let slopes: Vec<Option<RelativeSlope>> = shown
-        .iter()
-        .zip(&tested)
-        .map(|(shown, tested)| {
-            let (shown, tested) = (shown.as_ref()?, tested.as_ref()?);
-            let [low, high] = relative(shown).interval;
-            Some(RelativeSlope { error: (high - low) / (2.0 * HALF_WIDTH_95), ..relative(tested) })
-        })
-        .collect();
     let mut all: Vec<Ageing> = trends
         .iter()
         .enumerate()
         .map(|(at, (joint, file, trend))| {
-            let is_ageing = stands_out(&slopes, at, FLEET_SIGNIFICANCE / tests);
+            let std_error = std_error(&shown[at]).unwrap_or_default();
+            let is_ageing = stands_out(&slopes, at, std_error, FLEET_SIGNIFICANCE / tests);
             result(joint, file, trend, shown[at].as_ref(), is_ageing)
         })
         .collect();
@@ -125,8 +109,14 @@ pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
     all
 }
 
-/// Returns true if the slope of this joint is significant and differs from those of the others.
-fn stands_out(slopes: &[Option<RelativeSlope>], at: usize, significance: f64) -> bool {
+/// Returns true if the slope of this joint, with its standard error, is significant and differs from those of the others. The
+/// slopes are shares of the first levels.
+fn stands_out(
+    slopes: &[Option<RobustSlope>],
+    at: usize,
+    std_error: f64,
+    significance: f64,
+) -> bool {
     let Some(slope) = &slopes[at] else { return false };
     let excludes = |value: f64| value < slope.interval[0] || slope.interval[1] < value;
     if slope.p_value >= significance || !excludes(0.0) {
@@ -144,7 +134,7 @@ fn stands_out(slopes: &[Option<RelativeSlope>], at: usize, significance: f64) ->
     }
     let mut deviations: Vec<f64> = others.iter().map(|slope| (slope - middle).abs()).collect();
     deviations.sort_by(f64::total_cmp);
-    let scatter = (median(&deviations) / NORMAL_MAD).hypot(slope.error);
+    let scatter = (median(&deviations) / NORMAL_MAD).hypot(std_error);
     (slope.slope - middle).abs() > OUTLIER_SCORE * scatter
 }
 
@@ -171,8 +161,8 @@ fn result(
         learnt_h: span_h,
         level: fit.map(|fit| fit.last),
         change,
-        change_per_100h: fit.map(|fit| fit.slope / fit.first),
-        change_per_100h_ci95: fit.map(|fit| fit.interval.map(|end| end / fit.first)),
+        change_per_100h: fit.map(|fit| fit.relative().slope),
+        change_per_100h_ci95: fit.map(|fit| fit.relative().interval),
         p_value: fit.map(|fit| fit.p_value),
         ageing: change.filter(|_| is_ageing).map(|change| in_words(change, span_h)),
         points,

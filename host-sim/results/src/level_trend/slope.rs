@@ -33,6 +33,14 @@ pub struct RobustSlope {
     pub span: f64,
 }
 
+impl RobustSlope {
+    /// Returns the slope and its interval as shares of the value at the first point.
+    pub fn relative(&self) -> Self {
+        let interval = self.interval.map(|end| end / self.first);
+        Self { slope: self.slope / self.first, interval, ..*self }
+    }
+}
+
 /// Fits a line to points in the order of time, with an interval of this confidence. `None` if there are too few.
 pub fn robust_slope(points: &[(f64, f64)], confidence: f64) -> Option<RobustSlope> {
     let step = points.len().div_ceil(MAX_POINTS).max(1);

@@ -82,22 +82,26 @@ fn sentence(verdict: &str) -> String {
 
 fn values(view: &View, index: usize) -> Table {
     let row = |estimate: &Estimate| {
-        let Estimate { id, value, std_error, state, .. } = estimate;
-        let (value, state) = match std_error {
-            Some(std_error) => {
-                (Cell::Estimate { value: *value, std_error: *std_error }, state.name())
-            }
-            // Not fitted, because it has no effect in this data.
-            None if *state == State::NotDetermined => (Cell::Empty, "not determined, not fitted"),
-            None if *state == State::AtBound => (Cell::Number(*value), state.name()),
-            None => (Cell::Number(*value), "kept constant"),
-        };
-        let unit = unit_in_words(unit(*id, view.study.data.joint));
-        vec![id.name().into(), value, unit.into(), state.replace('-', " ").into()]
+        let [value, state] = value_and_state(estimate);
+        let unit = unit_in_words(unit(estimate.id, view.study.data.joint));
+        vec![estimate.id.name().into(), value, unit.into(), state]
     };
     let rows = view.fit(index).estimates.iter().map(row);
     let caption = format!("Parameters of {}", view.name(index));
     Table::new(caption, "parameter|value ± standard error|unit|state", rows)
+}
+
+/// Returns the value of a parameter with its standard error, and its state.
+pub(crate) fn value_and_state(estimate: &Estimate) -> [Cell; 2] {
+    let Estimate { value, std_error, state, .. } = *estimate;
+    let name = state.name().replace('-', " ").into();
+    match std_error {
+        Some(std_error) => [Cell::Estimate { value, std_error }, name],
+        // Not fitted, because it has no effect in this data.
+        None if state == State::NotDetermined => [Cell::Empty, "not determined, not fitted".into()],
+        None if state == State::AtBound => [Cell::Number(value), name],
+        None => [Cell::Number(value), "kept constant".into()],
+    }
 }
 
 /// Returns the lower triangle of the correlation matrix in a collapsed block; columns have the numbers of the rows.

@@ -3,9 +3,6 @@
 //! `maud` writes the HTML and escapes every text. Only the style, the scripts and the rows of a search table are inserted
 //! without escaping. The content security policy in the head makes the browser reject every attempt to load something.
 
-use std::io;
-use std::path::Path;
-
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::answers::Answers;
@@ -14,7 +11,6 @@ use super::drawing::Drawing;
 use super::finder::Finder;
 use super::table::Table;
 use super::tile::Tile;
-use crate::write::write_atomically;
 
 /// Forbids all loading.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; \
@@ -30,9 +26,9 @@ const FINDER_SCRIPT: &str = include_str!("finder.js");
 pub enum Block {
     /// Title of a section.
     Heading(String),
-    /// Plain text. As the first block it has larger type, because it is the summary.
+    /// Plain text.
     Paragraph(String),
-    /// A list. As the first block it has larger type.
+    /// A list.
     List(Vec<String>),
     /// A table.
     Table(Table),
@@ -118,7 +114,6 @@ impl Page {
 
     /// Renders the page as a self-contained HTML document.
     pub fn render(&self) -> String {
-        let has_chart = self.blocks.iter().any(has_chart);
         let mut drawing = Drawing::default();
         html! {
             (DOCTYPE)
@@ -146,7 +141,7 @@ impl Page {
                             @else { (block.render(&mut drawing, false)) }
                         }
                     }
-                    @if has_chart { script { (PreEscaped(CHART_SCRIPT)) } }
+                    @if drawing.charts > 0 { script { (PreEscaped(CHART_SCRIPT)) } }
                     @if self.blocks.iter().any(|block| matches!(block, Block::Find(_))) {
                         script { (PreEscaped(FINDER_SCRIPT)) }
                     }
@@ -167,14 +162,6 @@ impl Page {
                 @for text in headings { a href={ "#" (anchor(text)) } { (text) } " " }
             }
         }
-    }
-
-    /// Renders the page and writes it to `file`. The folder must exist.
-    ///
-    /// # Errors
-    /// See [`write_atomically`]; an existing file is unchanged.
-    pub fn write(&self, file: &Path) -> io::Result<()> {
-        write_atomically(file, self.render().as_bytes())
     }
 }
 
@@ -293,15 +280,6 @@ impl Block {
             }
             _ => {}
         }
-    }
-}
-
-fn has_chart(block: &Block) -> bool {
-    match block {
-        Block::Chart(_) => true,
-        Block::Row(charts) | Block::Lead { charts, .. } => !charts.is_empty(),
-        Block::Details { blocks, .. } => blocks.iter().any(has_chart),
-        _ => false,
     }
 }
 

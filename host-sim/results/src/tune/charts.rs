@@ -17,7 +17,7 @@ const DEMAND: &str = "demanded position";
 const CURVE_POINTS: usize = 2400;
 
 /// Heights of the charts on the first screen and of the strip charts, px.
-const ERROR_PX: usize = 150;
+const ERROR_PX: usize = 135;
 const DEMAND_PX: usize = 80;
 const STRIP_PX: usize = 170;
 const COURSE_PX: usize = 300;

@@ -62,29 +62,25 @@ fn percent(gain: f64) -> String {
     }
 }
 
+/// Returns a text of a gain, or that it was not measured.
+fn if_measured(gain: &TuneGain, text: String) -> String {
+    if Verdict::of(gain) == Verdict::NotMeasured { NOT_MEASURED.to_owned() } else { text }
+}
+
 /// Returns the change: `−67 %`.
 pub(super) fn change(gain: &TuneGain) -> String {
-    match Verdict::of(gain) {
-        Verdict::NotMeasured => NOT_MEASURED.to_owned(),
-        _ => format!("{}\u{a0}%", percent(gain.gain)),
-    }
+    if_measured(gain, format!("{}\u{a0}%", percent(gain.gain)))
 }
 
 /// Returns the 95 % interval of the change: `−72 to −60 %`.
 pub(super) fn interval(gain: &TuneGain) -> String {
-    let [low, high] = gain.ci95;
-    match Verdict::of(gain) {
-        Verdict::NotMeasured => NOT_MEASURED.to_owned(),
-        _ => format!("{} to {}\u{a0}%", percent(high), percent(low)),
-    }
+    let [low, high] = gain.ci95.map(percent);
+    if_measured(gain, format!("{high} to {low}\u{a0}%"))
 }
 
 /// Returns the change with its interval: `−67 % (−72 to −60 %)`.
 pub(super) fn change_with_interval(gain: &TuneGain) -> String {
-    match Verdict::of(gain) {
-        Verdict::NotMeasured => NOT_MEASURED.to_owned(),
-        _ => format!("{} ({})", change(gain), interval(gain)),
-    }
+    if_measured(gain, format!("{} ({})", change(gain), interval(gain)))
 }
 
 /// Returns what each part of the new set takes of a quantity; `None` unless both were compared.
@@ -165,11 +161,11 @@ pub(super) fn answers(report: &TuneReport) -> Answers {
     let tested = match report.trial.blocks.len() {
         0 => "Not tested: no set was tried.".to_owned(),
         blocks => format!(
-            "The same motion was performed {blocks} times in a balanced order. Intervals are of 95\u{a0}%."
+            "{blocks} runs of the same motion in a balanced order, with 95\u{a0}% intervals."
         ),
     };
-    let joint = if report.is_simulated { " The joint is simulated." } else { "" };
-    let certainty = format!("{tested} The session took {}.{joint}", duration(report.seconds));
+    let joint = if report.is_simulated { ", on a simulated joint" } else { "" };
+    let certainty = format!("{tested} The session took {}{joint}.", duration(report.seconds));
     let (gain, next) = match report.outcome {
         TuneOutcome::Returned(_) => (
             "Nothing: the joint is as it was.".to_owned(),
