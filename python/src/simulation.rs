@@ -33,7 +33,7 @@ pub fn simulate(
         let known = known.join(", ");
         return Err(refused(py, &format!("scenario={scenario:?}: expected one of {known}")));
     };
-    let parsed: Result<Vec<Hide>, String> = hide.iter().map(|text| Hide::parse(text)).collect();
+    let parsed: Result<Vec<Hide>, _> = hide.iter().map(|text| Hide::parse(text)).collect();
     let hide = parsed.map_err(|error| refused(py, &format!("hide: {error}")))?;
     for (name, number) in [("seconds", seconds), ("rate_hz", rate_hz), ("noise_nm", noise_nm)] {
         // The limits of the command line.

@@ -9,10 +9,11 @@
 //! reduces the error on held-out rows.
 
 use super::each_joint::JointResult;
+use super::error::{CommandError, Result, found, unfit};
 use super::fit_arguments::{FitArguments, LossChoice};
 use compensator_core::Quantity;
 use compensator_core::network::MAX_INPUTS;
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Prepared;
 use friction_fit::network::{
     BASE, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork, TrainingProgress,
     law_substeps, predict, train,
@@ -44,58 +45,63 @@ pub(super) struct NetworkArguments {
 }
 
 /// Returns the error message of a command that does not support this model.
-pub(super) fn unsupported_by(command: &str) -> String {
-    format!(
-        "{MODEL}: {command} supports only laws with constant parameters; `identify --model {MODEL}` trains the network and \
+pub(super) fn unsupported_by(command: &str) -> CommandError {
+    unfit(
+        MODEL,
+        format!(
+            "{command} supports only laws with constant parameters; `identify --model {MODEL}` trains the network and \
          compares it with {BASE}"
+        ),
     )
 }
 
 /// Rate of the network evaluations, Hz. The fastest feature of the damper data, its gap at 1 Hz, lasts 74 ms.
 const EVALUATION_RATE_HZ: f64 = 128.0;
 
-/// Returns the standard quantities that can be network inputs and are present in every run.
-fn known_quantities(data: &Dataset) -> Vec<Quantity> {
+/// A network input with its name.
+type NamedInput = (String, NetworkInput);
+
+/// Returns all inputs that a log has: `velocity`, `held`, its additional columns, and the standard quantities that are present
+/// in every run.
+fn known_inputs(data: &Dataset) -> Vec<NamedInput> {
     let has = |quantity: &Quantity| data.runs.iter().all(|run| run.get(*quantity).is_some());
-    contract::covariates().filter(has).collect()
+    let quantities = contract::covariates().filter(has);
+    let quantities =
+        quantities.map(|of| (of.name(data.joint).to_owned(), NetworkInput::Quantity(of)));
+    let columns = data.covariates.iter().enumerate();
+    let columns = columns.map(|(place, name)| (name.clone(), NetworkInput::Covariate(place)));
+    let always = [("velocity", NetworkInput::Velocity), ("held", NetworkInput::Held)];
+    always
+        .map(|(name, input)| (name.to_owned(), input))
+        .into_iter()
+        .chain(columns)
+        .chain(quantities)
+        .collect()
 }
 
-/// Parses the network inputs: `velocity`, `held`, and columns by name. An empty list selects all additional columns of
-/// the log.
-fn parse_inputs(
-    names: &[String],
-    quantities: &[(&str, Quantity)],
-    covariates: &[String],
-) -> Result<Vec<NetworkInput>, String> {
+/// Parses the network inputs by their names. An empty list selects all additional columns of the log.
+fn parse_inputs(names: &[String], known: &[NamedInput]) -> Result<Vec<NamedInput>> {
     if names.is_empty() {
-        let all: Vec<NetworkInput> = (0..covariates.len()).map(NetworkInput::Covariate).collect();
-        return if (1..=MAX_INPUTS).contains(&all.len()) {
-            Ok(all)
-        } else {
-            let found = covariates.len();
-            Err(format!("--inputs: the log has {found} covariates, name 1 to {MAX_INPUTS} inputs"))
-        };
+        let is_column = |(_, input): &&NamedInput| matches!(input, NetworkInput::Covariate(_));
+        let all: Vec<NamedInput> = known.iter().filter(is_column).cloned().collect();
+        if !(1..=MAX_INPUTS).contains(&all.len()) {
+            let found = all.len();
+            let reason = format!("the log has {found} covariates, name 1 to {MAX_INPUTS} inputs");
+            return Err(unfit("--inputs", reason));
+        }
+        return Ok(all);
     }
     if names.len() > MAX_INPUTS {
-        return Err(format!("--inputs: found {}, expected at most {MAX_INPUTS}", names.len()));
+        let most = format!("at most {MAX_INPUTS}");
+        return Err(found("--inputs", names.len().to_string(), most));
     }
-    let quantity = |name: &str| quantities.iter().find(|(known, _)| *known == name);
-    let columns = || covariates.iter().map(String::as_str).chain(quantities.iter().map(|of| of.0));
-    let known = || ["velocity", "held"].into_iter().chain(columns());
-    names
-        .iter()
-        .map(|name| match (name.as_str(), covariates.iter().position(|own| own == name)) {
-            ("velocity", _) => Ok(NetworkInput::Velocity),
-            ("held", _) => Ok(NetworkInput::Held),
-            (_, Some(place)) => Ok(NetworkInput::Covariate(place)),
-            (name, None) if quantity(name).is_some() => Ok(quantity(name)
-                .map_or(NetworkInput::Velocity, |(_, of)| NetworkInput::Quantity(*of))),
-            _ => {
-                let known: Vec<&str> = known().collect();
-                Err(format!("--inputs: found {name:?}, expected one of {}", known.join(", ")))
-            }
+    let input = |name: &String| {
+        known.iter().find(|(known, _)| known == name).cloned().ok_or_else(|| {
+            let names: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
+            found("--inputs", format!("{name:?}"), format!("one of {}", names.join(", ")))
         })
-        .collect()
+    };
+    names.iter().map(input).collect()
 }
 
 /// Fits the model to the log of one joint.
@@ -104,23 +110,20 @@ pub(super) fn run(
     fitting: &FitArguments,
     starts: usize,
     data: &Prepared,
-) -> Result<JointResult, Error> {
-    let quantities: Vec<(&str, Quantity)> = known_quantities(&data.data)
-        .into_iter()
-        .map(|quantity| (quantity.name(data.data.joint), quantity))
-        .collect();
-    let inputs = parse_inputs(&arguments.inputs, &quantities, &data.data.covariates)?;
+) -> Result<JointResult> {
+    let inputs = parse_inputs(&arguments.inputs, &known_inputs(&data.data))?;
+    let (names, inputs): (Vec<String>, Vec<NetworkInput>) = inputs.into_iter().unzip();
     if fitting.loss == LossChoice::Huber {
-        let line = format!(
-            "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
-        );
-        return Err(line.into());
+        let expected = format!("squares or auto: {MODEL} is trained with squares");
+        return Err(found("--loss", "huber", expected));
     }
     if !data.rigid_body.is_empty() {
-        let line = format!(
-            "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
-        );
-        return Err(line.into());
+        return Err(unfit(
+            "--rigid-body",
+            format!(
+                "cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
+            ),
+        ));
     }
     let spec = Spec::parse(BASE)?;
     let base = spec.parameters()?;
@@ -143,16 +146,6 @@ pub(super) fn run(
             at.epoch
         ));
     };
-    let names: Vec<String> = inputs
-        .iter()
-        .map(|input| match input {
-            NetworkInput::Velocity => "velocity".into(),
-            NetworkInput::Held => "held".into(),
-            NetworkInput::Unused => "unused".into(),
-            NetworkInput::Covariate(place) => data.data.covariates[*place].clone(),
-            NetworkInput::Quantity(quantity) => quantity.name(data.data.joint).into(),
-        })
-        .collect();
     let task = TrainingTask { names, watches_strokes: arguments.watch_strokes, options: training };
     work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
     let fit = identify(&spec, &base, data.train_rows(), data.test_rows(), &options)?;
@@ -161,9 +154,9 @@ pub(super) fn run(
         [a, b] => train_network(&fit, [a, b], data, &task, &progress),
         [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
         [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
-        _ => Err("--inputs: found none, expected at least one".to_owned()),
+        _ => Err(found("--inputs", "none", "at least one")),
     }?;
-    Ok(joint_result(data, &fit, &training, &task.names)?)
+    joint_result(data, &fit, &training, &task.names)
 }
 
 /// Settings of the training.
@@ -181,14 +174,14 @@ fn train_network<const INPUTS: usize>(
     data: &Prepared,
     task: &TrainingTask,
     progress: &(dyn Fn(TrainingProgress) + Sync),
-) -> Result<TrainingResult, String> {
+) -> Result<TrainingResult> {
     let options = &task.options;
     let trained = train(&fit.parameters, inputs, &data.train, options, progress);
     let TrainedNetwork { mut supplied, epochs, loss, held_out } = trained;
     if task.watches_strokes {
         supplied.set_stroke_range(&data.train);
     }
-    supplied.network.validate().map_err(|error| error.to_string())?;
+    supplied.network.validate()?;
     let (train, _) = evaluate(&supplied, &data.train);
     let (test, outside_share) = evaluate(&supplied, &data.test);
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
@@ -227,7 +220,7 @@ fn joint_result(
     fit: &Outcome,
     training: &TrainingResult,
     names: &[String],
-) -> Result<JointResult, String> {
+) -> Result<JointResult> {
     let files = network_files(fit, training, names, data)?;
     let unit = compensator_core::Quantity::Torque.info().units[data.data.joint as usize];
     let number = |value| significant(value, 4);
@@ -263,24 +256,34 @@ mod tests {
 
     #[test]
     fn parse_inputs_accepts_names_or_selects_all_covariates() {
-        let covariates = ["tension_n".to_owned(), "gap".to_owned()];
-        let read = |names: &[&str]| {
-            let quantities = [("temperature_c", Quantity::Temperature)];
+        let known = [
+            ("velocity", NetworkInput::Velocity),
+            ("held", NetworkInput::Held),
+            ("tension_n", NetworkInput::Covariate(0)),
+            ("gap", NetworkInput::Covariate(1)),
+            ("temperature_c", NetworkInput::Quantity(Quantity::Temperature)),
+        ];
+        let known = known.map(|(name, input)| (name.to_owned(), input));
+        let read = |names: &[&str]| -> Result<Vec<NetworkInput>> {
             let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-            parse_inputs(&names, &quantities, &covariates)
+            let inputs = parse_inputs(&names, &known)?.into_iter().map(|(_, input)| input);
+            Ok(inputs.collect())
         };
-        assert_eq!(read(&[]), Ok(vec![NetworkInput::Covariate(0), NetworkInput::Covariate(1)]));
         assert_eq!(
-            read(&["held", "gap"]),
-            Ok(vec![NetworkInput::Held, NetworkInput::Covariate(1)])
+            read(&[]).unwrap(),
+            vec![NetworkInput::Covariate(0), NetworkInput::Covariate(1)]
         );
         assert_eq!(
-            read(&["temperature_c"]),
-            Ok(vec![NetworkInput::Quantity(Quantity::Temperature)])
+            read(&["held", "gap"]).unwrap(),
+            vec![NetworkInput::Held, NetworkInput::Covariate(1)]
         );
-        let error = read(&["gop"]).unwrap_err();
+        assert_eq!(
+            read(&["temperature_c"]).unwrap(),
+            vec![NetworkInput::Quantity(Quantity::Temperature)]
+        );
+        let error = read(&["gop"]).unwrap_err().to_string();
         assert!(error.contains("velocity, held, tension_n, gap, temperature_c"), "{error}");
-        assert!(read(&["gap"; 5]).unwrap_err().contains("at most 4"));
-        assert!(parse_inputs(&[], &[], &[]).unwrap_err().contains("0 covariates"));
+        assert!(read(&["gap"; 5]).unwrap_err().to_string().contains("at most 4"));
+        assert!(parse_inputs(&[], &[]).unwrap_err().to_string().contains("0 covariates"));
     }
 }

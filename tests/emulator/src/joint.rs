@@ -19,8 +19,8 @@ use firmware::panic_note::{PanicNote, Part};
 use firmware::sensors::thermistor::Thermistor;
 use firmware::supervisor::{CodeSet, ResetCause};
 use joint_rig::{
-    InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigFaults, Stage, codes_from_bits,
-    stored_flash,
+    InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigError, RigFaults, Stage,
+    codes_from_bits, stored_flash,
 };
 use joint_trace::CanFrame;
 use simulated_machines::joint_plant::{JointPlant, Load, Measured, Parameters};
@@ -263,7 +263,8 @@ pub fn store_content(start: &PowerUp) -> Result<StoreContent, String> {
 }
 
 fn pages_of<const PAGES: usize>(start: &PowerUp) -> Result<StoreContent, String> {
-    let mut flash = stored_flash::<PAGES>(start, start.scales.traits)?;
+    let mut flash =
+        stored_flash::<PAGES>(start, start.scales.traits).map_err(|error| error.to_string())?;
     let mut bytes = vec![0; flash.capacity()];
     flash.read(0, &mut bytes).map_err(|error| format!("flash: {error:?}"))?;
     Ok(StoreContent { bytes, torn: Vec::new() })
@@ -567,7 +568,7 @@ impl RigDriver for BoardDriver {
         self.end_run(reset::POWER | reset::PIN);
     }
 
-    fn restart(&mut self) -> Result<(), String> {
+    fn restart(&mut self) -> Result<(), RigError> {
         let old = self.machine.chip_mut();
         // The joint goes on with the new chip, so that the old one needs another.
         let unused = JointPlant::new(&Parameters::default(), Load::Free, 0);
@@ -575,7 +576,8 @@ impl RigDriver for BoardDriver {
         let mut chip = Chip::new(std::mem::replace(&mut old.world, unused));
         chip.clock.set_reset_flags(self.reset_flags);
         let has_memory = self.reset_flags & reset::POWER == 0;
-        self.machine = self.machine.restarted(chip, has_memory)?;
+        let restarted = self.machine.restarted(chip, has_memory);
+        self.machine = restarted.map_err(|why| RigError::Restart(why.into()))?;
         self.frames.clear();
         (self.is_reset, self.is_silent, self.ahead) = (false, false, 0);
         self.run(MILLISECOND_CYCLES);

@@ -69,7 +69,8 @@ fn transfer_in_task(
         let plant = joint(task, &own);
         run_armed(&before.set, plant, own.faults, |rig| {
             run_before_and_after(rig, task, after, own.max_duration_s)
-        })?
+        })
+        .map_err(|error| error.to_string())?
     });
     let runs: Vec<Run> = runs.collect::<Result<_, String>>()?;
     let measure = measures(task)[0].of;
@@ -92,7 +93,7 @@ fn run_before_and_after(
     let start_rad = rig.plant().position_rad();
     let first = master(rig, task, max_duration_s);
     let (written_s, frames) = replace_parameters(rig, after, start_rad)?;
-    rig.arm(start_rad)?;
+    rig.arm(start_rad).map_err(|error| error.to_string())?;
     Ok(Run { courses: [first, master(rig, task, max_duration_s)], written_s, frames })
 }
 

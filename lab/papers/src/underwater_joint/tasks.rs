@@ -269,6 +269,7 @@ pub fn run(task: Task, arm: &DriverArm, conditions: &Conditions) -> Result<Cours
     run_armed(&arm.set, plant, conditions.faults, |rig| {
         master(rig, task, conditions.max_duration_s)
     })
+    .map_err(|error| error.to_string())
 }
 
 /// Returns the nominal inertia for the design of the loops, from the machine's table.
