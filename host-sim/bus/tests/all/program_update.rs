@@ -45,15 +45,15 @@ const fn slot(bank: u32) -> Slot {
 }
 
 /// The board's description for a driver that runs from this slot.
-fn program(own: u32) -> Program {
+fn program(running: u32) -> Program {
     let store = (SLOT_PAGES + 1) * PAGE;
     Program {
         board: BOARD,
         key_at: u32::MAX,
         base: BASE,
-        own: slot(own),
-        other: slot(1 - own),
-        stores: [own * BANK + store, (1 - own) * BANK + store],
+        own: slot(running),
+        other: slot(1 - running),
+        stores: [running * BANK + store, (1 - running) * BANK + store],
         store_bytes: STORE_PAGES * PAGE,
     }
 }

@@ -163,7 +163,7 @@ fn drawn_joints_without_a_command_are_hardly_faster_than_without_compensation() 
         (course.seed, course.mode, course.run(true) - course.run(false))
     });
     for mode in [CST, CSV, CSP] {
-        let of_mode = excesses.iter().filter(|(_, own, _)| *own == mode);
+        let of_mode = excesses.iter().filter(|(_, of, _)| *of == mode);
         let worst = of_mode.clone().map(|(_, _, excess)| *excess).fold(f64::NEG_INFINITY, f64::max);
         println!("mode {mode}: {} courses, largest excess {worst:.3} rad/s", of_mode.count());
     }
