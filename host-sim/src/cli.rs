@@ -11,6 +11,7 @@ mod compare;
 mod demo;
 mod diagnose;
 mod each_joint;
+mod error;
 mod examples;
 mod export;
 mod fit_arguments;
@@ -44,10 +45,12 @@ mod tune;
 mod tune_from;
 #[cfg(feature = "update")]
 mod update;
+mod values;
 mod words;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use error::Result;
 use input::LogArguments;
 use std::process::ExitCode;
 
@@ -127,17 +130,20 @@ pub fn run() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return report_usage_error(&error),
     };
-    let done = |outcome: Result<(), String>| outcome.map(|()| ExitCode::SUCCESS);
-    let described = arguments.command.log().map_or(Ok(None), LogArguments::described_columns);
-    let described = described
-        .and_then(|text| text.map(|text| output::print_formatted(&text)).transpose())
-        .map(|printed| printed.is_some());
-    match described {
-        Ok(false) => {}
-        Ok(true) => return ExitCode::SUCCESS,
-        Err(message) => return report_error(&message),
+    execute(arguments.command).unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        ExitCode::from(2)
+    })
+}
+
+/// Executes a command, or describes the columns of its logs. Returns exit code 1 if a requested check failed.
+fn execute(command: Command) -> Result<ExitCode> {
+    if let Some(columns) = command.log().map(LogArguments::described_columns).transpose()?.flatten()
+    {
+        return output::print_formatted(&columns).map(|()| ExitCode::SUCCESS);
     }
-    let outcome = match arguments.command {
+    let done = |outcome: Result| outcome.map(|()| ExitCode::SUCCESS);
+    match command {
         Command::Access(arguments) => done(access::run(&arguments)),
         Command::Identify(arguments) => done(identify::run(&arguments)),
         Command::Compare(arguments) => done(compare::run(&arguments)),
@@ -150,7 +156,7 @@ pub fn run() -> ExitCode {
         #[cfg(feature = "papers")]
         Command::Paper(arguments) => done(paper::run(&arguments)),
         #[cfg(not(feature = "papers"))]
-        Command::Paper(_) => Err(missing_feature::refusal("paper", "papers")),
+        Command::Paper(_) => Err(missing_feature::refusal("paper", "papers").into()),
         Command::Params(arguments) => parameters::run(&arguments),
         Command::Predict(arguments) => done(predict::run(&arguments)),
         Command::Replay(arguments) => replay::run(&arguments),
@@ -158,18 +164,14 @@ pub fn run() -> ExitCode {
         #[cfg(feature = "update")]
         Command::Sign(arguments) => done(sign::run(&arguments)),
         #[cfg(not(feature = "update"))]
-        Command::Sign(_) => Err(missing_feature::refusal("sign", "update")),
+        Command::Sign(_) => Err(missing_feature::refusal("sign", "update").into()),
         Command::Simulate(arguments) => done(simulate::run(&arguments)),
         Command::Move(arguments) => done(move_joint::run(&arguments)),
         Command::Tune(arguments) => tune::run(&arguments),
         #[cfg(feature = "update")]
         Command::Update(arguments) => done(update::run(&arguments)),
         #[cfg(not(feature = "update"))]
-        Command::Update(_) => Err(missing_feature::refusal("update", "update")),
-    };
-    match outcome {
-        Ok(code) => code,
-        Err(message) => report_error(&message),
+        Command::Update(_) => Err(missing_feature::refusal("update", "update").into()),
     }
 }
 
@@ -184,12 +186,6 @@ impl Command {
             _ => None,
         }
     }
-}
-
-/// Prints an error as one line. Returns the exit code.
-fn report_error(message: &str) -> ExitCode {
-    eprintln!("error: {message}");
-    ExitCode::from(2)
 }
 
 /// Prints a usage error as one line, and help or version unchanged. Returns the exit code.

@@ -14,7 +14,7 @@ use compensator_core::{LawKind, ParameterId, Parameters};
 use joint_bus::bus::{BitRates, Hub, Participant, Port};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
-use joint_bus::replay::{ReplaySetup, set_up};
+use joint_bus::replay::{InProcessError, ReplaySetup, set_up};
 use joint_trace::CanFrame;
 use simulated_machines::friction::Seal as TrueSeal;
 use simulated_machines::{Recording, record};
@@ -29,11 +29,11 @@ const PERIOD_S: f64 = 1e-3;
 /// of the driver's start.
 ///
 /// # Errors
-/// Returns one line if the driver cannot be started or rejects its parameters.
-pub fn start(node: NodeId) -> Result<(Hub, Port), String> {
+/// Returns an error if the driver cannot be started or rejects its parameters.
+pub fn start(node: NodeId) -> Result<(Hub, Port), InProcessError> {
     let hub = Hub::with_bit_rates(BitRates::FASTEST);
     let port = hub.port();
-    hub.attach(JointNode::start(node, None).map_err(|error| error.to_string())?);
+    hub.attach(JointNode::start(node, None)?);
     let how = Recording { runs: 4, seconds: 10.0, rate_hz: 1.0 / PERIOD_S, ..Recording::default() };
     let truth = record(SEED, how);
     let setup = ReplaySetup {
@@ -43,7 +43,7 @@ pub fn start(node: NodeId) -> Result<(Hub, Port), String> {
         period_s: PERIOD_S as f32,
         adaptation: None,
     };
-    set_up(&mut Client::new(hub.port(), node), node, &setup).map_err(|error| error.to_string())?;
+    set_up(&mut Client::new(hub.port(), node), node, &setup)?;
     let log = truth.log();
     let samples = log.runs.iter().enumerate().flat_map(|(number, run)| {
         (0..run.rows()).map(move |row| {

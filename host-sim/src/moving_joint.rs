@@ -8,10 +8,11 @@ use compensator_core::can::{Frame, NodeId, cob_id};
 use firmware::driver::profile::CSV;
 use firmware::node::dictionary::index;
 use joint_bus::bus::{Bus, Hub, Participant};
-use joint_bus::canopen::Client;
-use joint_rig::MotorNode;
+use joint_bus::canopen::{Client, SdoError};
+use joint_rig::{MotorNode, RigError};
 use joint_trace::CanFrame;
 use std::collections::VecDeque;
+use std::time::Duration;
 
 /// Time between two targets, ns.
 const TARGET_PERIOD_NS: u64 = 10_000_000;
@@ -24,11 +25,8 @@ const ENABLE_NS: u64 = 300_000_000;
 /// Attaches the joint and its master to a new bus.
 ///
 /// # Errors
-/// Returns one line if the node number is not that of the simulated joint, or the joint does not start.
-pub fn start(node: NodeId) -> Result<Hub, String> {
-    if node != NodeId::FIRST {
-        return Err("--bus loop: the simulated joint is node 1".to_owned());
-    }
+/// Returns an error if the joint does not start.
+pub fn start() -> Result<Hub, RigError> {
     let hub = Hub::new();
     hub.attach(MotorNode::commissioned()?);
     hub.attach(Master { begin_ns: None, outbox: VecDeque::new() });
@@ -38,15 +36,11 @@ pub fn start(node: NodeId) -> Result<Hub, String> {
 /// Brings the joint into operation, and waits until it moves.
 ///
 /// # Errors
-/// Returns one line if the joint does not answer.
-pub fn bring_up<B: Bus>(client: &mut Client<B>) -> Result<(), String> {
-    client
-        .write(Address::new(index::MODE, 0), &CSV.to_le_bytes())
-        .map_err(|error| error.to_string())?;
-    client.command(NmtCommand::StartRemoteNode).map_err(|error| error.to_string())?;
-    let until_ns = client.bus().now_ns() + 2 * ENABLE_NS;
-    while client.bus().receive(until_ns).map_err(|error| error.to_string())?.is_some() {}
-    Ok(())
+/// Returns an error if the joint does not answer.
+pub fn bring_up<B: Bus>(client: &mut Client<B>) -> Result<(), SdoError> {
+    client.write(Address::new(index::MODE, 0), &CSV.to_le_bytes())?;
+    client.command(NmtCommand::StartRemoteNode)?;
+    Ok(client.bus().discard_within(Duration::from_nanos(2 * ENABLE_NS))?)
 }
 
 /// The master of the bus.

@@ -72,7 +72,7 @@ impl Log {
         };
         let preset = preset
             .map(|name| {
-                let known: Vec<&str> = Preset::ALL.iter().map(|own| own.name()).collect();
+                let known: Vec<&str> = Preset::ALL.iter().map(|preset| preset.name()).collect();
                 let expected = known.join(", ");
                 let line = format!("preset={name:?}: expected one of {expected}");
                 Preset::parse(name).ok_or_else(|| refused(py, &line))

@@ -85,7 +85,7 @@ impl Model {
         &self,
     ) -> Vec<(&'static str, f64, &'static str, Option<f64>, Option<&'static str>)> {
         let row = |id: ParameterId| {
-            let estimate = self.estimates.iter().find(|(own, ..)| *own == id);
+            let estimate = self.estimates.iter().find(|(known, ..)| *known == id);
             let unit = params::unit(id, self.joint);
             let error = estimate.and_then(|(_, error, _)| *error);
             (id.name(), self.parameters.get(id), unit, error, estimate.map(|(.., state)| *state))
@@ -182,10 +182,10 @@ impl Model {
             let data = self.dataset(log)?;
             let found = self.predict_runs(&data, true)?;
             let runs = data.runs.iter().zip(&found.runs);
-            let rows = runs.flat_map(|(run, own)| run.torque.iter().zip(&own.torque));
+            let rows = runs.flat_map(|(run, predicted)| run.torque.iter().zip(&predicted.torque));
             let pairs: Vec<(f64, f64)> = rows
-                .map(|(measured, own)| (*measured, *own))
-                .filter(|(_, own)| own.is_finite())
+                .map(|(measured, predicted)| (*measured, *predicted))
+                .filter(|(_, predicted)| predicted.is_finite())
                 .collect();
             let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / pairs.len() as f64;
             let squares = |of: fn(f64, f64, f64) -> f64| -> f64 {
@@ -288,7 +288,7 @@ impl Model {
 /// Returns the columns that the linear model of a file follows.
 fn columns(file: &ParameterFile) -> Vec<String> {
     let linear = file.linear.as_ref();
-    linear.into_iter().flat_map(|own| own.columns()).map(str::to_owned).collect()
+    linear.into_iter().flat_map(|linear| linear.columns()).map(str::to_owned).collect()
 }
 
 /// Returns the torques by the rows of the user's table; NaN for rows that cannot be used.
@@ -297,8 +297,8 @@ fn by_row(data: &Dataset, prediction: &LogPrediction, rows: usize) -> Vec<f64> {
     let mut torque = vec![f64::NAN; rows];
     for (run, predicted) in data.runs.iter().zip(&prediction.runs) {
         for (row, predicted) in predicted.torque.iter().enumerate() {
-            let own = place.map_or(row, |place| run.extra[place][row] as usize);
-            if let Some(torque) = torque.get_mut(own) {
+            let user_row = place.map_or(row, |place| run.extra[place][row] as usize);
+            if let Some(torque) = torque.get_mut(user_row) {
                 *torque = *predicted;
             }
         }

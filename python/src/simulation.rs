@@ -5,7 +5,7 @@ use crate::error::{refused, unserialised};
 use crate::table::Table;
 use joint_log::Cells;
 use pyo3::prelude::*;
-use simulated_machines::scenarios::{Hide, HideError};
+use simulated_machines::scenarios::Hide;
 use simulated_machines::{Log, Request, SIMULATIONS, Simulated};
 
 /// Simulates a machine. Returns its log, the text of truth.json, and the text of data.csv.
@@ -33,7 +33,7 @@ pub fn simulate(
         let known = known.join(", ");
         return Err(refused(py, &format!("scenario={scenario:?}: expected one of {known}")));
     };
-    let parsed: Result<Vec<Hide>, HideError> = hide.iter().map(|text| Hide::parse(text)).collect();
+    let parsed: Result<Vec<Hide>, _> = hide.iter().map(|text| Hide::parse(text)).collect();
     let hide = parsed.map_err(|error| refused(py, &format!("hide: {error}")))?;
     for (name, number) in [("seconds", seconds), ("rate_hz", rate_hz), ("noise_nm", noise_nm)] {
         // The limits of the command line.

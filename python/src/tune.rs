@@ -9,7 +9,6 @@ use crate::table::Table;
 use compensator_core::can::NodeId;
 use compensator_core::can::slcan::BitRate;
 use firmware::access::Key;
-use friction_diagnose::prepare::Error;
 use friction_results::Files;
 use friction_results::table_file::TableColumn;
 use friction_results::tune::{self as results, TuneReport, TuneRun};
@@ -19,10 +18,11 @@ use joint_bus::canopen::{Client, key_of};
 use joint_log::Cells;
 use joint_log::work::{self, Progress};
 use joint_rig::{MotorNode, service};
+use joint_tuning::trial_set::UndoError;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser, motion, trial_set};
 use pyo3::prelude::*;
 use simulated_machines::joint_plant::DrawnJoint;
-use simulated_machines::scenarios::{Hide, HideError};
+use simulated_machines::scenarios::Hide;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -45,6 +45,23 @@ fn in_keywords(message: &str) -> String {
     KEYWORDS
         .iter()
         .fold(message.to_owned(), |text, (option, keyword)| text.replace(option, keyword))
+}
+
+/// Why a joint is not tuned: the error of a library, or one of those below.
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// A number is not accepted.
+#[derive(Debug, thiserror::Error)]
+#[error("{name}={number}: expected {expected}")]
+struct Unfit {
+    name: &'static str,
+    number: f64,
+    expected: &'static str,
+}
+
+/// Returns a failure as an exception.
+fn failed(py: Python<'_>, failure: &Failure) -> PyErr {
+    refused(py, &in_keywords(&failure.to_string()))
 }
 
 /// Where a joint is.
@@ -79,12 +96,11 @@ impl Joint {
         let node = id.ok_or_else(|| refuse(format!("node={node}: expected {expected}")))?;
         let bit_rate = BitRate::from_bits_per_second(bit_rate)
             .ok_or_else(|| refuse(format!("bit_rate={bit_rate}: not a bit rate of CAN, bit/s")))?;
-        let key = key_of(key.as_deref()).map_err(refuse)?;
+        let key = key_of(key.as_deref()).map_err(|error| refuse(error.to_string()))?;
         if !is_loop && !hide.is_empty() {
             return Err(refuse("hide: needs bus=\"loop\", the simulated joint".to_owned()));
         }
-        let parsed: Result<Vec<Hide>, HideError> =
-            hide.iter().map(|text| Hide::parse(text)).collect();
+        let parsed: Result<Vec<Hide>, _> = hide.iter().map(|text| Hide::parse(text)).collect();
         let hide = parsed.map_err(|error| refuse(format!("hide: {error}")))?;
         let seed = seed.unwrap_or(1);
         let draw =
@@ -100,13 +116,13 @@ impl Joint {
     }
 
     /// Connects to the joint. The simulated joint is new for each connection.
-    fn client(&self) -> Result<Client<Box<dyn Bus>>, String> {
+    fn client(&self) -> Result<Client<Box<dyn Bus>>, Failure> {
         let hub = Hub::new();
         if let Some(joint) = &self.simulated {
             hub.attach(MotorNode::drawn(joint, &service::starting_set(joint))?);
         }
         let options = Options { bit_rate: self.bit_rate, ..Options::default() };
-        let bus = self.bus.open_with(&hub, options).map_err(|error| error.to_string())?;
+        let bus = self.bus.open_with(&hub, options)?;
         Ok(Client::new(bus, self.node).with_key(self.key))
     }
 }
@@ -261,7 +277,7 @@ pub fn tune(
 ) -> PyResult<Tuning> {
     let joint = joint.get();
     let options = options(joint, [range_rad, speed_rad_s, minutes], motion)
-        .map_err(|line| refused(py, &in_keywords(&line)))?;
+        .map_err(|error| failed(py, &error))?;
     let options = TuneOptions { allow_active, ..options };
     let is_interrupted = Arc::new(AtomicBool::new(false));
     let (send, questions) = channel();
@@ -278,7 +294,7 @@ pub fn tune(
         };
         let outcome = work::run(0, &|state| listener.hear(state), || {
             let user = Caller { questions: send };
-            session(joint, &options, is_interrupted, user).map_err(Error::Request)
+            session(joint, &options, is_interrupted, user)
         });
         (outcome, listener.exception.into_inner(), listener.unanswered.into_inner())
     });
@@ -291,8 +307,7 @@ pub fn tune(
             format!("confirm: expected True, or a function that answers this question: {question}");
         return Err(refused(py, &line));
     }
-    let (mut session, files) =
-        outcome.map_err(|error| refused(py, &in_keywords(&error.to_string())))?;
+    let (mut session, files) = outcome.map_err(|error| failed(py, &error))?;
     let diagnosis = session.learnt.take().map(Diagnosis::of_session);
     Ok(Tuning {
         files,
@@ -306,15 +321,16 @@ fn options(
     joint: &Joint,
     [range_rad, speed_rad_s, minutes]: [f64; 3],
     motion: Option<(String, String)>,
-) -> Result<TuneOptions, String> {
+) -> Result<TuneOptions, Failure> {
     // The limits of the command line.
     for (name, number) in [("range_rad", range_rad), ("speed_rad_s", speed_rad_s)] {
         if !(number > 0.0 && number <= 100.0) {
-            return Err(format!("{name}={number}: expected a number above 0 and at most 100"));
+            let expected = "a number above 0 and at most 100";
+            return Err(Unfit { name, number, expected }.into());
         }
     }
     if !(1.0..=60.0).contains(&minutes) {
-        return Err(format!("minutes={minutes}: expected 1 to 60"));
+        return Err(Unfit { name: "minutes", number: minutes, expected: "1 to 60" }.into());
     }
     let limits = MotionLimits::new(range_rad, speed_rad_s);
     let parse = |(name, text): (String, String)| motion::parse(&name, &text, &limits);
@@ -337,11 +353,10 @@ fn session(
     options: &TuneOptions,
     is_interrupted: Arc<AtomicBool>,
     mut user: Caller,
-) -> Result<(Session, Files), String> {
+) -> Result<(Session, Files), Failure> {
     let client = joint.client()?;
     let is_interrupted = Box::new(move || is_interrupted.load(Ordering::Relaxed));
-    let session = joint_tuning::tune(client, options, is_interrupted, &mut user)
-        .map_err(|error| error.to_string())?;
+    let session = joint_tuning::tune(client, options, is_interrupted, &mut user)?;
     let files = joint_tuning::results::files(&session)?;
     Ok((session, files))
 }
@@ -352,12 +367,11 @@ pub fn undo_tuning(py: Python<'_>, joint: &Bound<'_, Joint>) -> PyResult<String>
     let joint = joint.get();
     let undone = py.detach(|| {
         let mut client = joint.client()?;
-        let record = trial_set::record(&mut client).map_err(|error| error.to_string())?;
-        let record = record.ok_or_else(|| {
-            format!("{}: nothing to undo: its parameters are not those of a tuning", joint.name())
+        let record = trial_set::undo(&mut client).map_err(|error| match error {
+            UndoError::NotTuned => format!("{}: {error}", joint.name()).into(),
+            error => Failure::from(error),
         })?;
-        trial_set::undo(&mut client).map_err(|error| error.to_string())?;
-        Ok::<_, String>(format!("{:08x}", record.before_crc))
+        Ok::<_, Failure>(format!("{:08x}", record.before_crc))
     });
-    undone.map_err(|line| refused(py, &in_keywords(&line)))
+    undone.map_err(|error| failed(py, &error))
 }

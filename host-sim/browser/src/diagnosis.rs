@@ -8,6 +8,7 @@ use friction_results::stochastic::StochasticExtension;
 use joint_log::setting::{Message, Reference, Setting};
 use joint_log::{FileContent, ReadOptions, SplitRule};
 use serde_json::json;
+use std::fmt;
 
 /// A log, and how it is read.
 pub struct Request {
@@ -31,11 +32,36 @@ pub struct Answer {
     pub report: String,
 }
 
+/// Why there is no answer; one line that names settings as the page does.
+pub enum Refusal {
+    /// A field of the page has another form.
+    Field { field: &'static str, found: String, expected: &'static str },
+    /// The log cannot be read or diagnosed.
+    Log(Error),
+}
+
+impl From<Error> for Refusal {
+    fn from(error: Error) -> Self {
+        Self::Log(error)
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Field { field, found, expected } => {
+                write!(f, "{field}: found {found:?}, expected {expected}")
+            }
+            Self::Log(error) => f.write_str(&worded(error)),
+        }
+    }
+}
+
 /// Diagnoses a log. `stage` receives the present stage in words.
 ///
 /// # Errors
-/// One line for the user.
-pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, String> {
+/// See [`Refusal`].
+pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, Refusal> {
     let columns = items(&request.columns, ',');
     let options = PrepareOptions {
         read: ReadOptions {
@@ -48,9 +74,9 @@ pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, St
         ..PrepareOptions::default()
     };
     stage("reading the log");
-    let input = prepare(&Source::Contents(request.files), &options).map_err(worded)?;
-    let found = diagnose(&input.data, &input.split, &input.question(), stage)
-        .map_err(|error| worded(error.into()))?;
+    let input = prepare(&Source::Contents(request.files), &options)?;
+    let found = diagnose(&input.data, &input.split, &input.question(), stage);
+    let found = found.map_err(Error::from)?;
     let stochastic = StochasticExtension::new(&found, input.seed, stage);
     stage("writing the report");
     let problems = found.log_findings.iter();
@@ -59,7 +85,8 @@ pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, St
     let digest = json!({ "cause": found.cause(), "summary": summary(&found), "log": log });
     Ok(Answer {
         digest: digest.to_string(),
-        document: json_text(&found, &stochastic, &input)?,
+        document: json_text(&found, &stochastic, &input)
+            .map_err(|error| Error::from(error.to_string()))?,
         parameters: parameter_text(&found, &input),
         report: page_text(&found, &stochastic, &input),
     })
@@ -72,27 +99,31 @@ fn items(text: &str, separator: char) -> Vec<String> {
 }
 
 /// Returns the pairs of contract name and column name.
-fn column_pairs(columns: &[String]) -> Result<Vec<(String, String)>, String> {
+fn column_pairs(columns: &[String]) -> Result<Vec<(String, String)>, Refusal> {
     let pair = |text: &String| match text.split_once('=') {
         Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
             Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
         }
-        _ => Err(format!("Columns: found {text:?}, expected NAME=COLUMN or NAME=COLUMN:UNIT")),
+        _ => Err(Refusal::Field {
+            field: "Columns",
+            found: text.clone(),
+            expected: "NAME=COLUMN or NAME=COLUMN:UNIT",
+        }),
     };
     columns.iter().map(pair).collect()
 }
 
 /// Returns the columns that select rows, each with its accepted values.
-fn row_filters(text: &str) -> Result<Vec<(String, Vec<String>)>, String> {
+fn row_filters(text: &str) -> Result<Vec<(String, Vec<String>)>, Refusal> {
     let filter = |text: &String| match text.split_once('=') {
         Some((column, values)) if !column.is_empty() => Ok((column.into(), items(values, ','))),
-        _ => Err(format!("Rows: found {text:?}, expected COLUMN=VALUE")),
+        _ => Err(Refusal::Field { field: "Rows", found: text.clone(), expected: "COLUMN=VALUE" }),
     };
     items(text, ' ').iter().map(filter).collect()
 }
 
 /// Returns an error as one line that names settings as the page does.
-fn worded(error: Error) -> String {
+fn worded(error: &Error) -> String {
     error.worded(&|Reference { setting, value, .. }: Reference| {
         let field = match setting {
             Setting::Columns => "Columns",

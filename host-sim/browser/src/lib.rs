@@ -93,7 +93,7 @@ pub extern "C" fn diagnose() -> u32 {
         Ok(Answer { digest, document, parameters, report }) => {
             (0, [digest, document, parameters, report])
         }
-        Err(line) => (1, [line, String::new(), String::new(), String::new()]),
+        Err(refusal) => (1, [refusal.to_string(), String::new(), String::new(), String::new()]),
     };
     OUTPUTS.set(outputs);
     code

@@ -23,6 +23,7 @@ mod fault;
 mod hub;
 mod link;
 mod name;
+mod open_error;
 mod recorder;
 pub mod slcan;
 #[cfg(target_os = "linux")]
@@ -33,6 +34,7 @@ pub use bits::BitRates;
 pub use fault::{FaultCounters, FaultInjector, FaultPlan, Faults};
 pub use hub::{Hub, Participant, Port};
 pub use name::{BusName, BusNameError};
+pub use open_error::OpenError;
 pub use recorder::Recorder;
 
 use joint_trace::CanFrame;
@@ -72,12 +74,12 @@ pub struct Counters {
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The bus cannot be opened.
-    #[error("bus {name}: {why}")]
+    #[error("bus {name}: {source}")]
     Open {
         /// Requested name.
         name: String,
         /// Reason, and the remedy.
-        why: String,
+        source: OpenError,
     },
     /// The other end is gone, or the interface is down.
     #[error("bus {name}: {why}")]
@@ -161,6 +163,16 @@ pub trait Bus {
     fn receive_within(&mut self, time: Duration) -> Result<Option<Received>, BusError> {
         let until_ns = self.now_ns().saturating_add(nanoseconds(time));
         self.receive(until_ns)
+    }
+
+    /// Waits for a duration from now. Frames that arrive meanwhile are discarded.
+    ///
+    /// # Errors
+    /// See [`Bus::receive`].
+    fn discard_within(&mut self, time: Duration) -> Result<(), BusError> {
+        let until_ns = self.now_ns().saturating_add(nanoseconds(time));
+        while self.receive(until_ns)?.is_some() {}
+        Ok(())
     }
 }
 

@@ -23,7 +23,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 use unlock::LOCKED;
 
-pub use unlock::{KEY_VARIABLE, key_of, read_key};
+pub use unlock::{KEY_VARIABLE, KeyFileError, key_of, read_key};
 
 /// Time limit for the answer of a node.
 pub const ANSWER_TIMEOUT: Duration = Duration::from_millis(1000);

@@ -29,12 +29,29 @@ use joint_trace::CanFrame;
 use joint_view::JointView;
 use quantity::Quantity;
 use sdo_poller::{Request, SdoPoller};
+use std::io;
 use view_data::{EventKind, Lens, View};
+
+pub use connection::ReopenError;
 
 /// Duration of receiving frames before keys are read, ns.
 const RECEIVE_STEP_NS: u64 = 20_000_000;
 /// Time between two lines of JSON, ns of bus time.
 const JSON_PERIOD_NS: u64 = 1_000_000_000;
+
+/// Error of a view; its message is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum MonitorError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// A line was not written.
+    #[error("standard output: {0}")]
+    Output(#[source] io::Error),
+    /// The terminal cannot be drawn on.
+    #[error("terminal: {0}")]
+    Terminal(#[source] io::Error),
+}
 
 /// A monitoring session of one joint.
 pub struct Session {
@@ -155,12 +172,12 @@ pub fn run_lines(
     bus: &mut dyn Bus,
     name: &str,
     mut is_over: impl FnMut(f64) -> bool,
-    mut print: impl FnMut(&str) -> Result<bool, String>,
-) -> Result<(), String> {
+    mut print: impl FnMut(&str) -> io::Result<bool>,
+) -> Result<(), MonitorError> {
     let mut due_ns = session.start_ns + JSON_PERIOD_NS;
     let mut events_printed = 0;
     while !is_over(session.elapsed_s()) {
-        session.step(bus).map_err(|error| error.to_string())?;
+        session.step(bus)?;
         if session.now_ns < due_ns {
             continue;
         }
@@ -170,7 +187,8 @@ pub fn run_lines(
         events_printed = session.joint.event_count();
         let ranges: [_; Quantity::ALL.len()] = session.joint.take_line_ranges();
         let view = session.joint.view(session.now_ns, &Lens { window_s: 1.0, columns: 0, events });
-        if !print(&(view.json(name, &ranges).to_string() + "\n"))? {
+        let line = view.json(name, &ranges).to_string() + "\n";
+        if !print(&line).map_err(MonitorError::Output)? {
             break;
         }
     }

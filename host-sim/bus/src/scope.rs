@@ -153,9 +153,7 @@ fn wait<B: Bus>(
     let values = client.read_number(at(ScopeObject::MEMORY_VALUES))?;
     let longest_s = f64::from(values) * request.period_s() + 0.5;
     loop {
-        let until_ns = client.bus().now_ns() + POLL_PERIOD.as_nanos() as u64;
-        // Frames of others are not of interest here.
-        while client.bus().receive(until_ns)?.is_some() {}
+        client.bus().discard_within(POLL_PERIOD)?;
         while client.next_other_frame().is_some() {}
         let elapsed_s = (client.bus().now_ns() - begin_ns) as f64 * 1e-9;
         match client.read_number(at(ScopeObject::STATE))? as u8 {

@@ -21,10 +21,10 @@ mod test_joint;
 
 use controls::{Action, Controls};
 use joint_bus::bus::Bus;
-use joint_bus::monitor::Session;
 use joint_bus::monitor::connection::{Connection, Opened};
 use joint_bus::monitor::rows::Setting;
 use joint_bus::monitor::view_data::Lens;
+use joint_bus::monitor::{MonitorError, Session};
 #[cfg(test)]
 use joint_bus::{
     bus,
@@ -54,7 +54,7 @@ pub fn run_screen(
     terminal: &mut DefaultTerminal,
     mut open: impl FnMut() -> Opened,
     mut is_over: impl FnMut(f64) -> bool,
-) -> Result<(), String> {
+) -> Result<(), MonitorError> {
     let mut controls = Controls::new(session.only_listens());
     let mut connection = Connection::new(bus, session);
     let mut drawn: Option<Instant> = None;
@@ -66,9 +66,9 @@ pub fn run_screen(
             return Ok(());
         }
         let mut pressed = false;
-        while event::poll(Duration::ZERO).map_err(|error| screen::failed(&error))? {
+        while event::poll(Duration::ZERO).map_err(MonitorError::Terminal)? {
             pressed = true;
-            let input = event::read().map_err(|error| screen::failed(&error))?;
+            let input = event::read().map_err(MonitorError::Terminal)?;
             let Input::Key(key) = input else { continue };
             let action = controls.press(&key);
             if action == Some(Action::Quit) {
@@ -83,7 +83,7 @@ pub fn run_screen(
             if let Err(error) = terminal.draw(draw) {
                 // The terminal was closed meanwhile.
                 let is_closed = keyboard.has_gone_within(Duration::ZERO);
-                return if is_closed { Ok(()) } else { Err(screen::failed(&error)) };
+                return if is_closed { Ok(()) } else { Err(MonitorError::Terminal(error)) };
             }
             drawn = Some(Instant::now());
         }

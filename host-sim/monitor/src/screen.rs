@@ -3,6 +3,7 @@
 //! During monitoring, keys arrive one by one without echo, on the alternate screen. The terminal is restored at the end,
 //! after an error, and before a panic prints its message. The command line handles signals: they end the loop.
 
+use joint_bus::monitor::MonitorError;
 use ratatui::DefaultTerminal;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use std::fs::File;
@@ -24,12 +25,12 @@ impl Drop for TerminalGuard {
 /// # Errors
 /// Returns an error if the terminal cannot be set up, and the error of `run`.
 pub fn with_terminal<T>(
-    run: impl FnOnce(&mut DefaultTerminal) -> Result<T, String>,
-) -> Result<T, String> {
+    run: impl FnOnce(&mut DefaultTerminal) -> Result<T, MonitorError>,
+) -> Result<T, MonitorError> {
     // Installs a panic hook that restores the terminal first.
     let taken = ratatui::try_init();
     let guard = TerminalGuard;
-    let mut terminal = taken.map_err(|error| failed(&error))?;
+    let mut terminal = taken.map_err(MonitorError::Terminal)?;
     let outcome = run(&mut terminal);
     drop(guard);
     outcome
@@ -57,9 +58,4 @@ impl Keyboard {
         has_result
             && sources[0].revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
     }
-}
-
-/// Returns the one-line message of a terminal error.
-pub fn failed(error: &io::Error) -> String {
-    format!("terminal: {error}")
 }

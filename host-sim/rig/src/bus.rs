@@ -37,7 +37,7 @@ impl Bus for RigBus<'_, '_> {
         let what = "a frame that is not a classic CAN frame with an 11-bit identifier";
         let frame =
             frame.to_joint().ok_or_else(|| BusError::Unsupported { name: "rig".into(), what })?;
-        self.rig.deliver(frame);
+        self.rig.driver.receive(&frame);
         self.counters.sent += 1;
         Ok(())
     }

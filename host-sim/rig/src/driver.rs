@@ -2,7 +2,7 @@
 //!
 //! `tests/emulator` implements it with the shipped image on an emulated board, so that the same scenarios run on both.
 
-use crate::{BoardSensors, PERIODS_PER_MS, PowerUp, Stage};
+use crate::{BoardSensors, PERIODS_PER_MS, PowerUp, RigError, Stage};
 use compensator_core::can::Frame;
 use firmware::access::AccessSettings;
 use firmware::background::{Background, BoardState, TICK_US};
@@ -58,7 +58,7 @@ pub trait RigDriver {
     ///
     /// # Errors
     /// Returns one line if the driver cannot be restarted.
-    fn restart(&mut self) -> Result<(), String>;
+    fn restart(&mut self) -> Result<(), RigError>;
 
     /// Returns true if the joint is armed.
     fn is_armed(&mut self) -> bool;
@@ -94,17 +94,17 @@ pub fn codes_from_bits(word: u32, base: u32) -> CodeSet {
 pub fn stored_flash<const PAGES: usize>(
     start: &PowerUp,
     traits: StageTraits,
-) -> Result<MemoryFlash<PAGES>, String> {
+) -> Result<MemoryFlash<PAGES>, RigError> {
     let mut store = Store::open(MemoryFlash::<PAGES>::new());
     if let Some(set) = start.set {
-        LoopParts::build(set, traits, PERIOD_S).map_err(|refused| refused.to_string())?;
+        LoopParts::build(set, traits, PERIOD_S)?;
         let commissioned = if start.commissioned { set.wiring_crc() } else { 0 };
         // The scenarios test the control, not the access: a frame in between would shift them in time.
         let access = AccessSettings { is_locked: false, ..AccessSettings::default() };
         let settings =
             NodeSettings { commissioned, access, drive: start.drive, ..NodeSettings::default() };
         let block = emit_block(&settings, set);
-        store.save(&block, &settings.identity()).map_err(|error| format!("flash: {error:?}"))?;
+        store.save(&block, &settings.identity()).map_err(RigError::Flash)?;
     }
     Ok(store.into_flash())
 }
@@ -191,7 +191,7 @@ impl<'q, N: RigJoint> LibraryDriver<'q, N> {
         start: &PowerUp,
         traits: StageTraits,
         stage: Stage,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, RigError> {
         let flash = stored_flash(start, traits)?;
         let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
         let mut background: Background<N> = start_node(flash, identity, &start.boot, 0);
@@ -314,7 +314,7 @@ impl<N: RigJoint> RigDriver for LibraryDriver<'_, N> {
         (self.is_reset, self.reset_cause) = (true, ResetCause::PowerOn);
     }
 
-    fn restart(&mut self) -> Result<(), String> {
+    fn restart(&mut self) -> Result<(), RigError> {
         self.now_us += TICK_US;
         let previous = &self.background.node().joint;
         let output = previous.board_output();

@@ -16,6 +16,7 @@
 mod board;
 mod bus;
 mod driver;
+mod error;
 mod faults;
 mod incremental;
 mod node;
@@ -31,6 +32,7 @@ pub use driver::{
     LibraryDriver, RigDriver, RigFlash, RigJoint, WATCHDOG_TIMEOUT_MS, codes_from_bits,
     stored_flash,
 };
+pub use error::RigError;
 pub use faults::{RigFaults, SealSensorFault};
 pub use incremental::{HallFault, LineFault};
 pub use node::{JointEvent, MotorNode};
@@ -157,7 +159,7 @@ pub fn run_armed<R>(
     plant: JointPlant,
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
-) -> Result<R, String> {
+) -> Result<R, RigError> {
     let start = PowerUp { set: Some(set), commissioned: true, board: false, ..PowerUp::default() };
     let position_rad = plant.position_rad();
     run_from_power_up(&start, plant, faults, |rig| rig.arm(position_rad).map(|()| work(rig)))?
@@ -172,7 +174,7 @@ pub fn run_from_power_up<R>(
     plant: JointPlant,
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
-) -> Result<R, String> {
+) -> Result<R, RigError> {
     let mut queues = LoopQueues::new();
     start_driver::<Device<RigFlash>>(&mut queues, start, plant, faults)
         .map(|mut rig| work(&mut rig))
@@ -187,7 +189,7 @@ pub fn run_compact_from_power_up<R>(
     plant: JointPlant,
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
-) -> Result<R, String> {
+) -> Result<R, RigError> {
     let mut queues = LoopQueues::new();
     start_driver::<compact::Device<RigFlash>>(&mut queues, start, plant, faults)
         .map(|mut rig| work(&mut rig))
@@ -210,7 +212,7 @@ fn start_driver<'q, N: RigJoint + 'q>(
     start: &PowerUp,
     plant: JointPlant,
     faults: RigFaults,
-) -> Result<JointRig<'q>, String> {
+) -> Result<JointRig<'q>, RigError> {
     let traits = if start.board { start.scales.traits } else { StageTraits::NONE };
     let stage = stage_at_power_up(start, plant, &faults);
     let driver = LibraryDriver::<N>::start(queues, start, traits, stage)?;
@@ -243,7 +245,7 @@ impl JointRig<'_> {
     ///
     /// # Errors
     /// Returns one line with the driver's reason if it does not arm.
-    pub fn arm(&mut self, position_rad: f64) -> Result<(), String> {
+    pub fn arm(&mut self, position_rad: f64) -> Result<(), RigError> {
         // The rig's master uses Answer and Telemetry of every sample.
         for at_index in [index::TRANSMIT_ANSWER, index::TRANSMIT_TELEMETRY] {
             self.write_object_byte(at_index, 2, 1);
@@ -259,9 +261,7 @@ impl JointRig<'_> {
         if self.is_armed() {
             return Ok(());
         }
-        let mut client = Client::new(RigBus::new(self), NODE);
-        let reason = client.read_refusal();
-        Err(format!("the driver does not arm: {}", reason.map_err(|error| error.to_string())?))
+        Err(RigError::NotArmed(Client::new(RigBus::new(self), NODE).read_refusal()?))
     }
 
     /// Unlocks the objects of the service level with the default key, which takes some milliseconds. A joint with a
@@ -269,11 +269,11 @@ impl JointRig<'_> {
     ///
     /// # Errors
     /// Returns one line if the driver refuses.
-    pub fn unlock(&mut self) -> Result<(), String> {
+    pub fn unlock(&mut self) -> Result<(), RigError> {
         if self.read_object(index::ACCESS, 1) == Some(1) {
             return Ok(());
         }
-        Client::new(RigBus::new(self), NODE).unlock().map_err(|error| error.to_string())
+        Ok(Client::new(RigBus::new(self), NODE).unlock()?)
     }
 
     /// Runs 1 ms with a command: current before compensation, A, and reference velocity of the joint, rad/s.
@@ -305,7 +305,7 @@ impl JointRig<'_> {
             self.line.send(Message::Surroundings(NODE, surroundings).emit());
         }
         while let Some(frame) = self.line.receive() {
-            self.deliver(frame);
+            self.driver.receive(&frame);
         }
         self.step_idle();
     }
@@ -319,11 +319,6 @@ impl JointRig<'_> {
         self.driver.step(&self.board_state, sync, &mut |frame| received.take(&frame));
         self.line.tick();
         self.milliseconds += 1;
-    }
-
-    /// Delivers a frame to the driver.
-    fn deliver(&mut self, frame: Frame) {
-        self.driver.receive(&frame);
     }
 
     /// Stalls the background loop for this time, as during a long transfer; the interrupt continues.
@@ -356,7 +351,7 @@ impl JointRig<'_> {
     ///
     /// # Errors
     /// Returns one line if the driver cannot be restarted.
-    pub fn restart(&mut self) -> Result<(), String> {
+    pub fn restart(&mut self) -> Result<(), RigError> {
         self.now_us += TICK_US;
         self.line.tick();
         self.milliseconds += 1;
@@ -461,11 +456,7 @@ impl JointRig<'_> {
 
     /// Requests the driver to arm (1), to disarm (0) or to clear its faults (2).
     pub fn request_state(&mut self, request: u8) {
-        let [low, high] = index::STATE.to_le_bytes();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x2F, low, high, 1, request, 0, 0, 0],
-        );
+        self.write_object_byte(index::STATE, 1, request);
     }
 }
 

@@ -9,7 +9,8 @@
 //! flash, on the joint as it is.
 
 use super::{
-    EncoderFault, JointRig, PowerUp, RigDriver, RigFaults, RigFlash, service, start_driver,
+    EncoderFault, JointRig, PowerUp, RigDriver, RigError, RigFaults, RigFlash, service,
+    start_driver,
 };
 use compensator_core::can::{Message, NodeId, SealFrame, SurroundingsFrame};
 use firmware::driver::Device;
@@ -84,7 +85,7 @@ impl MotorNode {
     ///
     /// # Errors
     /// Returns one line if the driver does not start.
-    pub fn start() -> Result<Self, String> {
+    pub fn start() -> Result<Self, RigError> {
         let constants = Parameters {
             encoder_direction: -1.0,
             encoder_zero_rad: 0.3 * PI,
@@ -98,7 +99,7 @@ impl MotorNode {
     ///
     /// # Errors
     /// As [`MotorNode::start`].
-    pub fn commissioned() -> Result<Self, String> {
+    pub fn commissioned() -> Result<Self, RigError> {
         let set = ParameterSet::default();
         let start = PowerUp { set: Some(&set), commissioned: true, ..PowerUp::default() };
         Self::with_constants(&Parameters::default(), &start)
@@ -111,7 +112,7 @@ impl MotorNode {
     ///
     /// # Errors
     /// Returns one line if the set is rejected.
-    pub fn drawn(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, String> {
+    pub fn drawn(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, RigError> {
         let mut node = Self::with_plant(joint.plant(), &Self::power_up(joint, set))?;
         node.home(joint);
         Ok(node)
@@ -131,13 +132,13 @@ impl MotorNode {
         PowerUp { set: Some(set), commissioned: true, drive, ..PowerUp::default() }
     }
 
-    fn with_constants(constants: &Parameters, start: &PowerUp) -> Result<Self, String> {
+    fn with_constants(constants: &Parameters, start: &PowerUp) -> Result<Self, RigError> {
         let mut plant = JointPlant::new(constants, Load::Free, 1);
         plant.watch_overcurrent();
         Self::with_plant(plant, start)
     }
 
-    fn with_plant(plant: JointPlant, start: &PowerUp) -> Result<Self, String> {
+    fn with_plant(plant: JointPlant, start: &PowerUp) -> Result<Self, RigError> {
         // The driver keeps its queues as long as a board would: for ever.
         let queues = Box::leak(Box::new(LoopQueues::new()));
         start_driver::<Device<RigFlash>>(queues, start, plant, RigFaults::default())
@@ -245,7 +246,7 @@ impl MotorNode {
 
     fn send_reading(&mut self, message: Message) {
         let frame = message.emit();
-        self.rig.deliver(frame);
+        self.rig.driver.receive(&frame);
         if let Some(outgoing) = &mut self.rig.received.outgoing_frames {
             outgoing.push_back(frame.into());
         }
@@ -269,7 +270,7 @@ impl MotorNode {
 impl Participant for MotorNode {
     fn receive(&mut self, frame: &CanFrame, _now_ns: u64) {
         if let Some(frame) = frame.to_joint().filter(|_| !self.is_cut) {
-            self.rig.deliver(frame);
+            self.rig.driver.receive(&frame);
         }
     }
 

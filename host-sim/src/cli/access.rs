@@ -3,14 +3,14 @@
 //! The other commands unlock a joint by themselves. This one locks it, and gives it another key.
 
 use super::bus::BusArguments;
+use super::error::{Result, unfit};
 use super::output::print_text;
 use canopen_rs::Address;
 use clap::{Args, Subcommand, ValueEnum};
 use firmware::node::dictionary::records::AccessObject;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
-use joint_bus::bus::{Bus, BusName, Hub};
+use joint_bus::bus::Bus;
 use joint_bus::canopen::{Client, SdoError, read_key};
-use joint_bus::joint::JointNode;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -53,47 +53,40 @@ enum Policy {
 }
 
 /// Runs the command.
-pub fn run(arguments: &AccessArguments) -> Result<(), String> {
-    let hub = Hub::new();
-    if arguments.bus.bus == BusName::Loop {
-        let joint = JointNode::start(arguments.bus.node_id, None);
-        hub.attach(joint.map_err(|error| error.to_string())?);
-    }
+pub fn run(arguments: &AccessArguments) -> Result {
+    let hub = arguments.bus.hub_with_driver()?;
     let mut client = arguments.bus.client(arguments.bus.open(&hub)?)?;
-    let words = |error: SdoError| error.to_string();
     match &arguments.action {
         Action::Status => {}
         Action::Lock => {
-            client.lock().map_err(words)?;
+            client.lock()?;
             require_policy(&mut client, arguments)?;
         }
         Action::SetKey { file } => {
-            client.set_key(read_key(file)?).and_then(|()| save(&mut client)).map_err(words)?;
+            client.set_key(read_key(file)?)?;
+            save(&mut client)?;
         }
         Action::Policy { policy } => {
             let is_locked = matches!(policy, Policy::Locked);
-            let set = client.set_locked_by_default(is_locked);
-            set.and_then(|()| save(&mut client)).map_err(words)?;
+            client.set_locked_by_default(is_locked)?;
+            save(&mut client)?;
             if is_locked {
-                client.lock().map_err(words)?;
+                client.lock()?;
             }
         }
     }
-    report(&mut client, arguments).map_err(words).and_then(|text| print_text(&text))
+    print_text(&report(&mut client, arguments)?)
 }
 
 /// Returns an error if the joint cannot be locked, because every node may write everything.
-fn require_policy<B: Bus>(
-    client: &mut Client<B>,
-    arguments: &AccessArguments,
-) -> Result<(), String> {
-    let policy = client.read_number(Address::new(index::ACCESS, AccessObject::LOCKED_BY_DEFAULT));
-    if policy.map_err(|error| error.to_string())? == 1 {
+fn require_policy<B: Bus>(client: &mut Client<B>, arguments: &AccessArguments) -> Result {
+    let policy = Address::new(index::ACCESS, AccessObject::LOCKED_BY_DEFAULT);
+    if client.read_number(policy)? == 1 {
         return Ok(());
     }
-    let (node, bus) = (arguments.bus.node_id.number(), &arguments.bus.bus);
-    Err(format!(
-        "node {node} on {bus}: not locked, because its policy is open; set it with `host-sim access policy locked`"
+    Err(unfit(
+        arguments.bus.joint_name(),
+        "not locked, because its policy is open; set it with `host-sim access policy locked`",
     ))
 }
 
@@ -114,7 +107,7 @@ fn report<B: Bus>(client: &mut Client<B>, arguments: &AccessArguments) -> Result
     }
     let state = if is_service { "not locked" } else { "locked" };
     let start = if is_locked { "locked" } else { "open" };
-    let name = format!("node {node} on {}", arguments.bus.bus);
+    let name = arguments.bus.joint_name();
     Ok(format!("{name}: {state}, starts {start}, wrong responses: {wrong}\n"))
 }
 
@@ -123,6 +116,8 @@ mod tests {
     use super::*;
     use clap::Parser;
     use compensator_core::can::NodeId;
+    use joint_bus::bus::Hub;
+    use joint_bus::joint::JointNode;
 
     #[derive(Parser)]
     struct Line {
@@ -136,9 +131,9 @@ mod tests {
         hub.attach(JointNode::start(NodeId::FIRST, None).expect("starts without a file"));
         let mut client = Client::new(hub.port(), NodeId::FIRST);
         let arguments = Line::parse_from(["access", "lock"]).access;
-        assert_eq!(require_policy(&mut client, &arguments), Ok(()));
+        assert!(require_policy(&mut client, &arguments).is_ok());
         client.set_locked_by_default(false).expect("unlocks by the default key");
-        let words = require_policy(&mut client, &arguments).expect_err("not locked");
+        let words = require_policy(&mut client, &arguments).expect_err("not locked").to_string();
         assert!(words.starts_with("node 1 on loop: "), "{words}");
         assert!(words.contains("access policy locked"), "{words}");
         crate::snapshot::check("units-of-commands", "a lock with an open policy", &words);

@@ -1,6 +1,7 @@
 //! `compare`: fits all model families to the same data and ranks them on held-out rows.
 
 use super::each_joint::{JointResult, each_joint};
+use super::error::Result;
 use super::identify::{KnownMachine, choices};
 use super::input::DataArguments;
 #[cfg(feature = "papers")]
@@ -10,10 +11,9 @@ use super::missing_feature::refusal;
 use super::network;
 use super::output::OutputArguments;
 use super::table;
-use super::words::in_options;
 use compensator_core::LawKind;
 use compensator_core::parameters::Choices;
-use friction_diagnose::prepare::{Error, Prepared, identify_each};
+use friction_diagnose::prepare::{Prepared, identify_each};
 use friction_fit::FitOptions;
 use friction_fit::spec::Spec;
 use friction_results::fits::{ComparisonFiles, comparison_files};
@@ -53,19 +53,19 @@ const MACHINE_MODELS: [&str; 4] = ["linear", "extended", "atan", "lugre"];
 #[cfg(feature = "papers")]
 const MACHINE_FIT_STARTS: usize = 3;
 
-fn specs(arguments: &CompareArguments) -> Result<Vec<Spec>, String> {
+fn specs(arguments: &CompareArguments) -> Result<Vec<Spec>> {
     if arguments.models.is_empty() {
         return Ok(LawKind::ALL.iter().copied().map(Spec::law).collect());
     }
     let parse = |name: &String| match name.as_str() {
         network::MODEL => Err(network::unsupported_by("compare")),
-        _ => Spec::parse(name).map_err(in_options),
+        _ => Ok(Spec::parse(name)?),
     };
     arguments.models.iter().map(parse).collect()
 }
 
 /// Runs the command.
-pub fn run(arguments: &CompareArguments) -> Result<(), String> {
+pub fn run(arguments: &CompareArguments) -> Result {
     #[cfg(feature = "papers")]
     if let Some(KnownMachine::Manipulator) = arguments.inside {
         let all = || MACHINE_MODELS.map(str::to_owned).to_vec();
@@ -76,7 +76,7 @@ pub fn run(arguments: &CompareArguments) -> Result<(), String> {
     }
     #[cfg(not(feature = "papers"))]
     if arguments.inside.is_some() {
-        return Err(refusal("--inside", "papers"));
+        return Err(refusal("--inside", "papers").into());
     }
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;
@@ -86,7 +86,7 @@ pub fn run(arguments: &CompareArguments) -> Result<(), String> {
 }
 
 /// Compares the models on the log of one joint.
-fn compare(input: &Prepared, specs: &[Spec], chosen: Choices) -> Result<JointResult, Error> {
+fn compare(input: &Prepared, specs: &[Spec], chosen: Choices) -> Result<JointResult> {
     let options = FitOptions { passive: true, ..FitOptions::default() };
     let fits = identify_each(specs, input, chosen, &options)?;
     work::report_stage("writing the report");

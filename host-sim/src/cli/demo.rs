@@ -8,14 +8,14 @@
 //!
 //! A wrong diagnosis is reported as such and is not an error of the command. The same seed gives the same demo.
 
+use super::error::{CommandError, Result};
 use super::output::{OutputArguments, pretty, print_formatted, print_text};
 use super::progress::{in_stages, spinner};
 use super::table;
-use super::words::in_options;
 use crate::driver_file;
 use crate::simulated;
 use compensator_core::can::NodeId;
-use friction_diagnose::prepare::{Error, file_sha256};
+use friction_diagnose::prepare::file_sha256;
 use friction_diagnose::summary::summary;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
 use friction_fit::{Measurement, params};
@@ -56,7 +56,7 @@ struct StepPrinter {
 }
 
 impl StepPrinter {
-    fn step(&self, text: &str) -> Result<(), String> {
+    fn step(&self, text: &str) -> Result {
         if self.json {
             return Ok(());
         }
@@ -66,7 +66,7 @@ impl StepPrinter {
 }
 
 /// Runs the command.
-pub fn run(arguments: &DemoArguments) -> Result<(), String> {
+pub fn run(arguments: &DemoArguments) -> Result {
     let output = &arguments.output.of_command("demo");
     let printer = StepPrinter { json: output.json, begin: Instant::now() };
     let seed = arguments.seed.unwrap_or_else(seed_from_clock);
@@ -100,9 +100,9 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     let diagnosis = || {
         let found = diagnose(&data, &parts, &question, &work::report_stage)?;
         let stochastic = StochasticExtension::new(&found, seed, &work::report_stage);
-        Ok::<_, Error>((found, stochastic))
+        Ok::<_, CommandError>((found, stochastic))
     };
-    let (found, stochastic) = in_stages(0, diagnosis).map_err(in_options)?;
+    let (found, stochastic) = in_stages(0, diagnosis)?;
     printer.step(&format!(
         "Fitted {} and evaluated {} candidate causes{}.",
         found.baseline.spec,
@@ -173,23 +173,23 @@ fn effect(seed: u64) -> HiddenCause {
 }
 
 /// Writes the simulated log as `data.csv` and as CAN traffic in `trace.log`, and the truth in `truth.json`.
-fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result<(), String> {
+fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result {
     let mut log = Vec::new();
     let data = simulated::dataset(&scenario.log);
     // The CAN traffic has room for one covariate besides the standard quantities.
     let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, ..EmitOptions::default() };
-    emit(&data, &options, &mut log).map_err(|error| error.to_string())?;
-    let log = String::from_utf8(log).map_err(|error| error.to_string())?;
+    emit(&data, &options, &mut log)?;
+    let log = String::from_utf8(log)?;
     output.write(&[("data.csv", &scenario.log.csv()), ("trace.log", &log), ("truth.json", truth)])
 }
 
 /// Reads and splits the recording as `diagnose` does. Returns data, split and SHA-256.
-fn read_recording(file: &Path) -> Result<(Dataset, Split, String), String> {
+fn read_recording(file: &Path) -> Result<(Dataset, Split, String)> {
     let files = [file.to_owned()];
-    let data = read(&files, &ReadOptions::default(), &|_, _| {}).map_err(in_options)?;
-    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).map_err(in_options)?;
-    Ok((data, parts, file_sha256(file).map_err(in_options)?))
+    let data = read(&files, &ReadOptions::default(), &|_, _| {})?;
+    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0)?;
+    Ok((data, parts, file_sha256(file)?))
 }
 
 /// Describes the extended model and its gain, as the end of a sentence.
@@ -203,9 +203,9 @@ fn describe_extension(found: &Diagnosis) -> String {
 
 /// Writes the extended model to a joint driver in this process and replays the recording to it. The driver runs the
 /// firmware's code.
-fn replay_on_driver(trace: &Path, toml: &str) -> Result<Tally, String> {
+fn replay_on_driver(trace: &Path, toml: &str) -> Result<Tally> {
     let friction = driver_file::parse(toml)?.friction();
-    let plan = Plan::read(trace, NodeId::FIRST).map_err(|error| error.to_string())?;
+    let plan = Plan::read(trace, NodeId::FIRST)?;
     let period_s = plan.period_s as f32;
     let setup = ReplaySetup {
         friction: Some(friction),
@@ -214,11 +214,11 @@ fn replay_on_driver(trace: &Path, toml: &str) -> Result<Tally, String> {
         period_s,
         adaptation: None,
     };
-    let played = in_process(&plan, NodeId::FIRST, &setup).map_err(|error| error.to_string())?;
+    let played = in_process(&plan, NodeId::FIRST, &setup)?;
     Ok(played.tally)
 }
 
-fn describe_replay(replay: &Result<Tally, String>) -> String {
+fn describe_replay(replay: &Result<Tally>) -> String {
     match replay {
         Ok(tally) => format!(
             "Wrote the extended model to a joint driver (the firmware's code, on a bus in this process) and replayed the \
@@ -245,8 +245,10 @@ struct Answer {
 
 impl Answer {
     fn of(scenario: &Scenario, found: &Diagnosis) -> Self {
-        let hidden: Vec<&'static str> = scenario.truth.hidden.iter().map(|own| own.cause).collect();
-        let named: Vec<&'static str> = found.findings.iter().map(|own| own.cause.name()).collect();
+        let hidden: Vec<&'static str> =
+            scenario.truth.hidden.iter().map(|effect| effect.cause).collect();
+        let named: Vec<&'static str> =
+            found.findings.iter().map(|finding| finding.cause.name()).collect();
         let first = found.findings.first();
         let confusable = first.map_or(Vec::new(), |finding| {
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect()
@@ -307,11 +309,11 @@ fn json_result(
     scenario: &Scenario,
     answer: &Answer,
     diagnosis: Value,
-    replay: &Result<Tally, String>,
+    replay: &Result<Tally>,
 ) -> Value {
     let replay = match replay {
         Ok(tally) => json!(tally),
-        Err(why) => json!({ "refused": why }),
+        Err(why) => json!({ "refused": why.to_string() }),
     };
     json!({
         "schema": 1,

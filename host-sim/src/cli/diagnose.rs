@@ -1,14 +1,14 @@
 //! `diagnose`: finds the effects that a friction model misses, extends the model, and measures the gain.
 
 use super::each_joint::{JointResult, each_joint};
+use super::error::{Result, unfit};
 use super::input::DataArguments;
 use super::network;
 use super::output::OutputArguments;
 use super::table;
-use super::words::in_options;
 use crate::driver_file;
 use compensator_core::Parameters;
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Prepared;
 use friction_diagnose::summary::summary;
 use friction_diagnose::{DiagnosisOptions, diagnose, hand_over};
 use friction_fit::params::ParameterFile;
@@ -37,19 +37,18 @@ pub struct DiagnoseArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &DiagnoseArguments) -> Result<(), String> {
+pub fn run(arguments: &DiagnoseArguments) -> Result {
     if arguments.model.as_deref() == Some(network::MODEL) {
         return Err(network::unsupported_by("diagnose"));
     }
-    let model = arguments.model.as_deref().map(Spec::parse).transpose();
-    let given = arguments.params.as_deref().map(driver_file::read).transpose();
-    let (model, given) = (model.map_err(in_options)?, given.map_err(|e| e.to_string())?);
+    let model = arguments.model.as_deref().map(Spec::parse).transpose()?;
+    let given = arguments.params.as_deref().map(driver_file::read).transpose()?;
     if let (Some(path), Some(ParameterFile { network: Some(_), .. })) = (&arguments.params, &given)
     {
-        return Err(format!(
-            "{}: this model has a network, but a diagnosis extends a law with constant parameters; remove the \
+        return Err(unfit(
+            path.display(),
+            "this model has a network, but a diagnosis extends a law with constant parameters; remove the \
              section [network] to diagnose the model without its network",
-            path.display()
         ));
     }
     let given = given.map(|file| (file.spec, file.parameters));
@@ -68,7 +67,7 @@ fn diagnose_joint(
     input: &Prepared,
     model: Option<Spec>,
     given: Option<(Spec, Parameters<f64>)>,
-) -> Result<JointResult, Error> {
+) -> Result<JointResult> {
     let question = DiagnosisOptions {
         model,
         given,

@@ -4,11 +4,11 @@
 //! files as a single joint. The terminal shows the results one after the other, the command's JSON file holds all of them
 //! in the list `joints`, and `joints.html` lists the diagnoses side by side.
 
+use super::error::{Result, in_part};
 use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, file_name, pretty};
 use super::progress::in_stages;
-use super::words::in_options;
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Prepared;
 use friction_results::Files;
 use friction_results::joints_page::{self, JointDiagnosis};
 use joint_log::SplitRule;
@@ -32,28 +32,26 @@ pub fn each_joint(
     data: &DataArguments,
     output: &OutputArguments,
     default_split: &SplitRule,
-    command: impl Fn(&Prepared) -> Result<JointResult, Error> + Sync,
-) -> Result<(), String> {
+    command: impl Fn(&Prepared) -> Result<JointResult> + Sync,
+) -> Result {
     let output = &output.of_run(name, &data.log.data);
-    let run = |input: &Prepared| in_stages(data.log.threads, || command(input)).map_err(in_options);
+    let run = |input: &Prepared| in_stages(data.log.threads, || command(input));
     match data.read(default_split)? {
-        LogInputs::One(input) => write_one(&run(&input)?, output),
+        LogInputs::One(input) => {
+            let JointResult { files, text } = run(&input)?;
+            output.finish(&files.all().collect::<Vec<_>>(), &files.document.1, &text)
+        }
         LogInputs::Several(joints) => {
             let results = joints.iter().map(|(joint, input)| {
-                let result = run(input).map_err(|line| format!("joint {joint}: {line}"))?;
+                let result = run(input).map_err(in_part(format!("joint {joint}")))?;
                 Ok((joint.clone(), result))
             });
-            write_several(&results.collect::<Result<Vec<_>, String>>()?, output)
+            write_several(&results.collect::<Result<Vec<_>>>()?, output)
         }
     }
 }
 
-fn write_one(result: &JointResult, output: &OutputArguments) -> Result<(), String> {
-    let JointResult { files, text } = result;
-    output.finish(&files.all().collect::<Vec<_>>(), &files.document.1, text)
-}
-
-fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> Result<(), String> {
+fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> Result {
     let folders = folder_names(joints.iter().map(|(joint, _)| joint.as_str()));
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let mut documents: Vec<Value> = Vec::new();
@@ -62,11 +60,11 @@ fn write_several(joints: &[(String, JointResult)], output: &OutputArguments) -> 
     for ((joint, result), folder) in joints.iter().zip(&folders) {
         let text;
         (name, text) = (result.files.document.0, &result.files.document.1);
-        let mut document: Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let mut document: Value = serde_json::from_str(text)?;
         document["joint"] = json!(joint);
         documents.push(document);
-        let own = result.files.all();
-        files.extend(own.map(|(name, content)| (format!("{folder}/{name}"), content.to_vec())));
+        let written = result.files.all();
+        files.extend(written.map(|(name, content)| (format!("{folder}/{name}"), content.to_vec())));
         shown += &format!("joint {joint}:\n\n{}\n", result.text);
     }
     let all = pretty(&json!({ "schema": 1, "joints": &documents }))?;

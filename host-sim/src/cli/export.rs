@@ -1,12 +1,15 @@
 //! `export`: writes a fitted model for a user's own control loop, a driver's flash, or a simulator.
 
+use super::error::{CommandError, Result, in_part};
 use super::output::{OutputArguments, pretty, print_text};
+use super::values::{expected, one_of};
 use super::words::text_in_options;
 use crate::driver_file;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use friction_fit::params::{CompensatorSection, ParameterFile};
 use friction_results::export::{ExportFormat, export};
 use serde_json::json;
+use std::error::Error;
 use std::path::PathBuf;
 
 /// Arguments of `export`.
@@ -44,10 +47,15 @@ impl CompensatedArguments {
     }
 }
 
+/// The value of a setting is no number.
+#[derive(Debug, thiserror::Error)]
+#[error("found {0:?}, expected a number")]
+struct NoNumber(String);
+
 /// Parses a setting of the compensator.
-fn setting(text: &str) -> Result<(String, f32), String> {
-    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
-    let value = value.trim().parse().map_err(|_| format!("found {value:?}, expected a number"))?;
+fn setting(text: &str) -> Result<(String, f32), Box<dyn Error + Send + Sync>> {
+    let (name, value) = text.split_once('=').ok_or_else(|| expected("NAME=VALUE"))?;
+    let value = value.trim().parse().map_err(|_| NoNumber(value.to_owned()))?;
     let mut section = CompensatorSection::default();
     section.set(name.trim(), value)?;
     Ok((name.trim().to_owned(), value))
@@ -55,41 +63,33 @@ fn setting(text: &str) -> Result<(String, f32), String> {
 
 /// Returns the parser of a format, which lists all formats in the help.
 fn formats() -> impl TypedValueParser<Value = ExportFormat> {
-    PossibleValuesParser::new(
-        ExportFormat::ALL
-            .map(|format| PossibleValue::new(format.name()).help(format.description())),
-    )
-    .map(|name| ExportFormat::parse(&name).expect("one of the possible values"))
+    one_of(ExportFormat::ALL.map(|format| (format.name(), format.description(), format)))
 }
 
 /// Runs the command.
-pub fn run(arguments: &ExportArguments) -> Result<(), String> {
+pub fn run(arguments: &ExportArguments) -> Result {
     #[cfg(not(feature = "onnx"))]
     if arguments.to == ExportFormat::Onnx {
-        return Err(super::missing_feature::refusal("export --to onnx", "onnx"));
+        return Err(super::missing_feature::refusal("export --to onnx", "onnx").into());
     }
-    let mut file = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
+    let mut file = driver_file::read(&arguments.params)?;
     arguments.taken.apply(&mut file);
     for (name, value) in &arguments.compensator {
         file.compensator.set(name, *value)?;
     }
     let name = arguments.params.file_name().unwrap_or_default().to_string_lossy();
-    let with_path =
-        |error: String| format!("{}: {}", arguments.params.display(), text_in_options(&error));
     let exported = match (arguments.to, &file.network) {
         #[cfg(not(feature = "network"))]
         (ExportFormat::Network | ExportFormat::Onnx, Some(_)) => Err(super::network::refusal()),
         #[cfg(feature = "network")]
         (ExportFormat::Network, Some(text)) => friction_network::NetworkFile::of(text)
             .and_then(|network| friction_network::export(&network, &name))
-            .map_err(|error| error.to_string()),
+            .map_err(CommandError::from),
         #[cfg(feature = "onnx")]
-        (ExportFormat::Onnx, _) => {
-            friction_onnx::export(&file, &name).map_err(|error| error.to_string())
-        }
-        (format, _) => export(&file, format, &name).map_err(|error| error.to_string()),
+        (ExportFormat::Onnx, _) => friction_onnx::export(&file, &name).map_err(CommandError::from),
+        (format, _) => export(&file, format, &name).map_err(CommandError::from),
     };
-    let mut exported = exported.map_err(with_path)?;
+    let mut exported = exported.map_err(in_part(arguments.params.display()))?;
     exported.notes.iter_mut().for_each(|note| *note = text_in_options(note));
     let name = arguments.to.file_name(&file);
     let further = exported.further_files.iter().map(|(name, content)| (*name, content.as_slice()));

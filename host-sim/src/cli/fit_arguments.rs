@@ -1,6 +1,6 @@
 //! Command-line arguments of the commands that fit models: rigid-body parts, held-out rows, loss, seed.
 
-use super::words::in_options;
+use super::error::Result;
 use clap::Args;
 use friction_diagnose::prepare::PrepareOptions;
 use friction_fit::Loss;
@@ -63,11 +63,11 @@ impl FitArguments {
         &self,
         reading: PrepareOptions,
         default_split: &SplitRule,
-    ) -> Result<PrepareOptions, String> {
+    ) -> Result<PrepareOptions> {
         Ok(PrepareOptions {
             split: self.split_rule(default_split)?,
             seed: self.seed,
-            rigid_body: parse_rigid_body(&self.rigid_body).map_err(in_options)?,
+            rigid_body: parse_rigid_body(&self.rigid_body)?,
             decimate: self.decimate as usize,
             loss: match self.loss {
                 LossChoice::Auto => None,
@@ -79,12 +79,12 @@ impl FitArguments {
     }
 
     /// Returns the rule that the user gave, or `default_split`.
-    fn split_rule(&self, default_split: &SplitRule) -> Result<SplitRule, String> {
+    fn split_rule(&self, default_split: &SplitRule) -> Result<SplitRule> {
         if !self.test.is_empty() {
             return Ok(SplitRule::Files(self.test.clone()));
         }
         if let Some(text) = &self.hold_out {
-            return SplitRule::parse_hold_out(text).map_err(in_options);
+            return Ok(SplitRule::parse_hold_out(text)?);
         }
         Ok(self.tail.map_or_else(|| default_split.clone(), |share| SplitRule::Tail { share }))
     }

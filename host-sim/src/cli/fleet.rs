@@ -1,5 +1,6 @@
 //! `fleet`: diagnoses the logs of many joints and campaigns, and compares them on one page.
 
+use super::error::{Result, found as found_in, in_file};
 use super::input::DataArguments;
 use super::output::{pretty, print_formatted, print_message, print_text};
 use super::progress::{LINE_EVERY, duration_in_words, in_stages, with_lines};
@@ -46,34 +47,35 @@ pub struct FleetArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &FleetArguments) -> Result<(), String> {
+pub fn run(arguments: &FleetArguments) -> Result {
     let limits =
         arguments.limit.iter().map(|text| parse_limit(text)).collect::<Result<Vec<_>, _>>()?;
     let mut options = FleetOptions::new(arguments.out.clone());
     options.prepare = arguments.data.options(&SplitRule::LeaveOneRunOut)?;
-    options.model = arguments.model.as_deref().map(Spec::parse).transpose().map_err(in_options)?;
-    options.fixed_model = Spec::parse(&arguments.fixed_model).map_err(in_options)?;
-    options.worded = |error| in_options(error);
-    let failed = |error: std::io::Error| format!("{}: {error}", arguments.out.display());
-    std::fs::create_dir_all(&arguments.out).map_err(failed)?;
+    options.model = arguments.model.as_deref().map(Spec::parse).transpose()?;
+    options.fixed_model = Spec::parse(&arguments.fixed_model)?;
+    options.worded = |error| in_options(&error);
+    std::fs::create_dir_all(&arguments.out).map_err(in_file(&arguments.out))?;
     let pieces = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&arguments.out);
-    let pieces = pieces.map_err(failed)?;
+    let pieces = pieces.map_err(in_file(&arguments.out))?;
     let jobs = find_all(&arguments.data.log.data, &arguments.out, pieces.path())?;
-    let ageing = read_trends(&arguments.data.log.data, &arguments.out)?;
+    let data = arguments.data.log.data.iter().map(PathBuf::as_path);
+    let folders: Vec<&Path> = data.filter(|of| of.is_dir()).collect();
+    let ageing = read_ageing(&folders, &arguments.out)?;
     let rows = diagnose_all(&jobs, &options, arguments.data.log.threads)?;
     write_fleet(&arguments.out, &rows, &ageing, &limits)?;
     print(arguments, &rows, &ageing, &limits)
 }
 
 /// Returns the logs of all folders and tables. The logs of a table are copied to `pieces`.
-fn find_all(data: &[PathBuf], out: &Path, pieces: &Path) -> Result<Vec<FleetJob>, String> {
+fn find_all(data: &[PathBuf], out: &Path, pieces: &Path) -> Result<Vec<FleetJob>> {
     let mut all: Vec<FleetJob> = Vec::new();
     for (at, root) in data.iter().enumerate() {
         let found = match root.is_file() {
             true => {
-                let own = pieces.join(at.to_string());
-                std::fs::create_dir(&own).map_err(|error| format!("{}: {error}", own.display()))?;
-                jobs_of_table(root, &own)?
+                let folder = pieces.join(at.to_string());
+                std::fs::create_dir(&folder).map_err(in_file(&folder))?;
+                jobs_of_table(root, &folder)?
             }
             false => find_jobs(root, out)?,
         };
@@ -82,22 +84,14 @@ fn find_all(data: &[PathBuf], out: &Path, pieces: &Path) -> Result<Vec<FleetJob>
         }
         let names = |job: &FleetJob| (job.joint.clone(), job.campaign.clone());
         if let Some(twice) = found.iter().find(|job| all.iter().any(|of| names(of) == names(job))) {
-            return Err(format!(
-                "{}: found joint {}, campaign {:?} a second time, expected once in all folders and tables",
-                root.display(),
-                twice.joint,
-                twice.campaign
-            ));
+            let FleetJob { joint, campaign, .. } = twice;
+            let twice = format!("joint {joint}, campaign {campaign:?} a second time");
+            let expected = "once in all folders and tables";
+            return Err(found_in(root.display().to_string(), twice, expected));
         }
         all.extend(found);
     }
     Ok(all)
-}
-
-/// Reads the trends of learnt levels of all folders.
-fn read_trends(data: &[PathBuf], out: &Path) -> Result<Vec<Ageing>, String> {
-    let folders: Vec<&Path> = data.iter().map(PathBuf::as_path).filter(|of| of.is_dir()).collect();
-    Ok(read_ageing(&folders, out)?)
 }
 
 /// Diagnoses all logs. In a pipe, a line every 30 s says how far it is.
@@ -105,7 +99,7 @@ fn diagnose_all(
     jobs: &[FleetJob],
     options: &FleetOptions,
     threads: usize,
-) -> Result<Vec<FleetRow>, String> {
+) -> Result<Vec<FleetRow>> {
     let (begin, count) = (Instant::now(), AtomicUsize::new(0));
     let state = || {
         let done = count.load(Ordering::Relaxed);
@@ -139,14 +133,14 @@ fn diagnose_all(
         }
     };
     std::panic::set_hook(hook);
-    computed.map_err(in_options)
+    Ok(computed?)
 }
 
 /// Parses a limit of a level.
-fn parse_limit(text: &str) -> Result<Limit, String> {
+fn parse_limit(text: &str) -> Result<Limit> {
     let expected = || {
-        let levels = LEVELS.join(", ");
-        format!("--limit: found {text:?}, expected LEVEL=VALUE with a level of {levels}")
+        let expected = format!("LEVEL=VALUE with a level of {}", LEVELS.join(", "));
+        found_in("--limit", format!("{text:?}"), expected)
     };
     let (level, value) = text.split_once('=').ok_or_else(expected)?;
     let value = value.trim().parse::<f64>().ok().filter(|value| value.is_finite());
@@ -160,7 +154,7 @@ fn print(
     rows: &[FleetRow],
     ageing: &[Ageing],
     limits: &[Limit],
-) -> Result<(), String> {
+) -> Result {
     let out = arguments.out.display();
     let fleet = summarise(rows, ageing, limits);
     let joints = &fleet.joints;

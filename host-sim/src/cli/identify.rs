@@ -1,6 +1,7 @@
 //! `identify`: fits one model to measured data.
 
 use super::each_joint::{JointResult, each_joint};
+use super::error::{Result, found, unfit};
 use super::input::DataArguments;
 #[cfg(feature = "papers")]
 use super::inside;
@@ -9,12 +10,11 @@ use super::missing_feature::refusal;
 use super::network::{self, NetworkArguments};
 use super::output::OutputArguments;
 use super::table;
-use super::words::in_options;
 use crate::driver_file;
 use compensator_core::parameters::Choices;
 use compensator_core::{ParameterId, Parameters};
 use friction_diagnose::hand_over::BesidePlain;
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Prepared;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, identify_robustly};
 use friction_results::fits::fit_files;
@@ -69,23 +69,21 @@ pub struct IdentifyArguments {
     output: OutputArguments,
 }
 
-fn parse_parameter_names(option: &str, names: &[String]) -> Result<Vec<ParameterId>, String> {
+fn parse_parameter_names(option: &str, names: &[String]) -> Result<Vec<ParameterId>> {
     let id = |name: &String| {
-        ParameterId::parse(name).ok_or_else(|| format!("{option}: unknown parameter {name:?}"))
+        ParameterId::parse(name).ok_or_else(|| unfit(option, format!("unknown parameter {name:?}")))
     };
     names.iter().map(id).collect()
 }
 
 /// Returns the given choices with the named ones switched on.
-pub(super) fn choices(given: Choices, names: &[String]) -> Result<Choices, String> {
+pub(super) fn choices(given: Choices, names: &[String]) -> Result<Choices> {
     let mut choices = given.to_array();
     for name in names {
         let place = Choices::NAMES.iter().position(|known| known == name);
         let place = place.ok_or_else(|| {
-            format!(
-                "--choices: unknown choice {name:?}, expected one of {}",
-                Choices::NAMES.join(", ")
-            )
+            let known = Choices::NAMES.join(", ");
+            unfit("--choices", format!("unknown choice {name:?}, expected one of {known}"))
         })?;
         choices[place] = true;
     }
@@ -101,9 +99,9 @@ fn merged(base: &Parameters<f64>, other: &Parameters<f64>) -> Parameters<f64> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
+pub fn run(arguments: &IdentifyArguments) -> Result {
     if arguments.model.is_empty() {
-        return Err("--model: found no model, expected one, such as --model lugre".into());
+        return Err(found("--model", "no model", "one, such as --model lugre"));
     }
     #[cfg(feature = "papers")]
     if let Some(KnownMachine::Manipulator) = arguments.inside {
@@ -114,7 +112,7 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
     }
     #[cfg(not(feature = "papers"))]
     if arguments.inside.is_some() {
-        return Err(refusal("--inside", "papers"));
+        return Err(refusal("--inside", "papers").into());
     }
     #[cfg(not(feature = "network"))]
     if arguments.model == network::MODEL {
@@ -133,7 +131,7 @@ pub fn run(arguments: &IdentifyArguments) -> Result<(), String> {
             },
         );
     }
-    let input_spec = Spec::parse(&arguments.model).map_err(in_options)?;
+    let input_spec = Spec::parse(&arguments.model)?;
     let fixed = parse_parameter_names("--keep", &arguments.keep)?;
     let freed = parse_parameter_names("--free", &arguments.free)?;
     each_joint("identify", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
@@ -148,12 +146,11 @@ fn fit_joint(
     input_spec: Spec,
     fixed: Vec<ParameterId>,
     freed: Vec<ParameterId>,
-) -> Result<JointResult, Error> {
+) -> Result<JointResult> {
     let spec = input_spec.on(&input.rigid_body);
     let mut base = spec.parameters()?;
     if let Some(path) = &arguments.start {
-        let file = driver_file::read(path).map_err(|error| error.to_string())?;
-        base = merged(&base, &file.parameters);
+        base = merged(&base, &driver_file::read(path)?.parameters);
     }
     base.choices = choices(base.choices, &arguments.choices)?;
     let options = FitOptions {

@@ -4,11 +4,13 @@
 //! [`DataArguments::read`] reads the files, checks the log, reports its problems before any fit, and returns tracks that are
 //! ready to fit.
 
+use super::error::{Result, found, in_part};
 use super::fit_arguments::{FitArguments, LossChoice};
 use super::output::print_message;
 use super::progress::in_stages;
 use super::table;
-use super::words::{in_options, text_in_options};
+use super::values::{Expected, expected, number};
+use super::words::text_in_options;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, Resettable, Str};
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, corrections, prepare};
@@ -20,7 +22,7 @@ use joint_log::{
 use std::path::PathBuf;
 
 /// The logs, and how they are read.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Reading the log")]
 pub struct LogArguments {
     /// Log files: CSV, JSON lines, Parquet, Arrow, MCAP or CAN traces; also in gzip or zip
@@ -98,23 +100,23 @@ pub struct DataArguments {
 const COLUMNS_HELP: &str = "help";
 
 /// Parses a torque with its unit, Nm.
-fn rated_torque_nm(text: &str) -> Result<f64, String> {
+fn rated_torque_nm(text: &str) -> Result<f64, Expected> {
     let torque_nm = joint_log::parse_value("torque_nm", text)
-        .map_err(|e| format!("expected {}", text_in_options(&e.to_string())))?;
+        .map_err(|error| expected(text_in_options(&error.to_string())))?;
     let is_torque = torque_nm.is_finite() && torque_nm > 0.0;
-    is_torque.then_some(torque_nm).ok_or_else(|| "expected a positive torque".to_owned())
+    is_torque.then_some(torque_nm).ok_or_else(|| expected("a positive torque"))
 }
 
 /// Parses a share of the rows in percent.
-fn share_of_rows(text: &str) -> Result<f64, String> {
-    let percent = text.trim().trim_end_matches('%').trim_end().parse::<f64>().ok();
-    let share = percent.map(|percent| percent / 100.0).filter(|share| (0.0..1.0).contains(share));
-    share.ok_or_else(|| "expected a percentage below 100, such as 10%".to_owned())
+fn share_of_rows(text: &str) -> Result<f64, Expected> {
+    let percent = text.trim().trim_end_matches('%');
+    let is_share = |percent: &f64| (0.0..100.0).contains(percent);
+    Ok(number(percent, is_share, "a percentage below 100, such as 10%")? / 100.0)
 }
 
 /// Parses a rate with its unit, Hz.
-fn rate_hz(text: &str) -> Result<f64, String> {
-    joint_log::parse_rate_hz(text).ok_or_else(|| "expected a rate as 200Hz or 1kHz".to_owned())
+fn rate_hz(text: &str) -> Result<f64, Expected> {
+    joint_log::parse_rate_hz(text).ok_or_else(|| expected("a rate as 200Hz or 1kHz"))
 }
 
 /// Source of the motion.
@@ -134,29 +136,10 @@ pub enum LogInputs {
     Several(Vec<(String, Prepared)>),
 }
 
-/// Reason why a log cannot be read as the log of one joint.
-enum ReadFailure {
-    /// The log contains several joints.
-    Several { column: String, joints: Vec<String> },
-    /// Any other error, as one line for the user.
-    Other(String),
-}
-
-impl From<String> for ReadFailure {
-    fn from(line: String) -> Self {
-        Self::Other(line)
-    }
-}
-
-impl From<Error> for ReadFailure {
-    fn from(error: Error) -> Self {
-        match error {
-            Error::Data(DataError::SeveralJoints { column, joints, .. }) => {
-                Self::Several { column, joints }
-            }
-            other => Self::Other(in_options(other)),
-        }
-    }
+/// The joints of a log.
+struct SeveralJoints {
+    column: String,
+    joints: Vec<String>,
 }
 
 impl DataArguments {
@@ -165,41 +148,46 @@ impl DataArguments {
     ///
     /// # Errors
     /// Returns one line for the user.
-    pub fn read(&self, default_split: &SplitRule) -> Result<LogInputs, String> {
-        let (column, joints) = match self.read_one(default_split, None) {
+    pub fn read(&self, default_split: &SplitRule) -> Result<LogInputs> {
+        let (column, joints) = match self.read_one(default_split, None)? {
             Ok(input) => return Ok(LogInputs::One(Box::new(input))),
-            Err(ReadFailure::Other(line)) => return Err(line),
-            Err(ReadFailure::Several { column, joints }) => (column, joints),
+            Err(SeveralJoints { column, joints }) => (column, joints),
         };
         let each = joints.into_iter().map(|joint| {
             let mut alone = self.clone();
-            alone
-                .log
-                .only
-                .retain(|text| text.split_once('=').is_none_or(|(own, _)| own.trim() != column));
+            let is_other = |text: &String| {
+                text.split_once('=').is_none_or(|(known, _)| known.trim() != column)
+            };
+            alone.log.only.retain(is_other);
             alone.log.only.push(format!("{column}={joint}"));
-            match alone.read_one(default_split, Some(&joint)) {
+            let part = format!("joint {joint}");
+            match alone.read_one(default_split, Some(&joint)).map_err(in_part(&part))? {
                 Ok(input) => Ok((joint, input)),
-                Err(ReadFailure::Other(line)) => Err(format!("joint {joint}: {line}")),
-                Err(ReadFailure::Several { column, joints }) => {
-                    let names = joints.join(", ");
-                    Err(format!("joint {joint}: found several in {column} ({names}), expected one"))
+                Err(SeveralJoints { column, joints }) => {
+                    let several = format!("several in {column} ({})", joints.join(", "));
+                    Err(found(part, several, "one"))
                 }
             }
         });
-        each.collect::<Result<_, _>>().map(LogInputs::Several)
+        each.collect::<Result<_>>().map(LogInputs::Several)
     }
 
-    /// Reads the log of one joint. `joint` is its name if the log has several.
+    /// Reads the log of one joint. `joint` is its name if the log has several. Returns the joints of a log with several, of
+    /// which none is selected.
     fn read_one(
         &self,
         default_split: &SplitRule,
         joint: Option<&str>,
-    ) -> Result<Prepared, ReadFailure> {
+    ) -> Result<Result<Prepared, SeveralJoints>> {
         let files: Vec<PathBuf> = self.log.data.iter().chain(&self.fit.test).cloned().collect();
         let options = self.options(default_split)?;
-        let mut input = in_stages(self.log.threads, || prepare(&Source::Files(files), &options))
-            .map_err(ReadFailure::from)?;
+        let read = in_stages(self.log.threads, || prepare(&Source::Files(files), &options));
+        let mut input = match read {
+            Err(Error::Data(DataError::SeveralJoints { column, joints, .. })) => {
+                return Ok(Err(SeveralJoints { column, joints }));
+            }
+            read => read?,
+        };
         input.joint = joint.map(str::to_owned);
         // Printed after the last possible error, so that an error stays the only line.
         print_log(&input);
@@ -210,24 +198,24 @@ impl DataArguments {
             let line = format!("the loss is huber because {reason}; --loss squares changes it");
             print_lines(&input, [line].into_iter());
         }
-        Ok(input)
+        Ok(Ok(input))
     }
 
     /// Returns how a log is read, checked and split.
     ///
     /// # Errors
     /// Returns one line for the user.
-    pub fn options(&self, default_split: &SplitRule) -> Result<PrepareOptions, String> {
+    pub fn options(&self, default_split: &SplitRule) -> Result<PrepareOptions> {
         self.fit.complete(self.log.options()?, default_split)
     }
 }
 
 impl LogArguments {
     /// Returns how a log is read and checked.
-    fn options(&self) -> Result<PrepareOptions, String> {
+    fn options(&self) -> Result<PrepareOptions> {
         let corrections =
-            corrections(self.motion.map(|own| own == MotionFrom::Smoothed), &self.as_logged)
-                .map_err(|end| format!("--as-logged: {end}"))?;
+            corrections(self.motion.map(|from| from == MotionFrom::Smoothed), &self.as_logged)
+                .map_err(in_part("--as-logged"))?;
         Ok(PrepareOptions {
             read: self.read_options()?,
             columns: self.columns.clone(),
@@ -242,7 +230,7 @@ impl LogArguments {
     }
 
     /// Returns how the files are read.
-    fn read_options(&self) -> Result<ReadOptions, String> {
+    fn read_options(&self) -> Result<ReadOptions> {
         Ok(ReadOptions {
             columns: self.column_pairs()?,
             only: self.row_filters()?,
@@ -262,33 +250,31 @@ impl LogArguments {
     ///
     /// # Errors
     /// Returns one line if a file cannot be read.
-    pub fn described_columns(&self) -> Result<Option<String>, String> {
+    pub fn described_columns(&self) -> Result<Option<String>> {
         if self.columns.iter().all(|text| text.trim() != COLUMNS_HELP) {
             return Ok(None);
         }
         let others = self.columns.iter().filter(|text| text.trim() != COLUMNS_HELP).cloned();
         let options = Self { columns: others.collect(), ..self.clone() }.read_options()?;
         let described = self.data.iter().map(|file| {
-            let survey = joint_log::survey(file, &options).map_err(in_options)?;
+            let survey = joint_log::survey(file, &options)?;
             Ok(table::columns(file, &survey))
         });
-        described.collect::<Result<Vec<_>, String>>().map(|texts| Some(texts.join("\n")))
+        described.collect::<Result<Vec<_>>>().map(|texts| Some(texts.join("\n")))
     }
 
-    fn column_pairs(&self) -> Result<Vec<(String, String)>, String> {
+    fn column_pairs(&self) -> Result<Vec<(String, String)>> {
         let pair = |text: &String| match text.split_once('=') {
             Some((ours, theirs)) if !ours.is_empty() && !theirs.is_empty() => {
                 Ok((ours.trim().to_owned(), theirs.trim().to_owned()))
             }
-            _ => {
-                Err(format!("--columns: found {text:?}, expected NAME=COLUMN or NAME=COLUMN:UNIT"))
-            }
+            _ => Err(found("--columns", format!("{text:?}"), "NAME=COLUMN or NAME=COLUMN:UNIT")),
         };
         self.columns.iter().map(pair).collect()
     }
 
     /// Parses `--where` into columns and their accepted values.
-    fn row_filters(&self) -> Result<Vec<(String, Vec<String>)>, String> {
+    fn row_filters(&self) -> Result<Vec<(String, Vec<String>)>> {
         let choice = |text: &String| {
             let parts = text.split_once('=').map(|(column, values)| {
                 let values: Vec<String> = values.split(',').map(|v| v.trim().to_owned()).collect();
@@ -296,7 +282,7 @@ impl LogArguments {
             });
             parts
                 .filter(|(column, _)| !column.is_empty())
-                .ok_or_else(|| format!("--where: found {text:?}, expected COLUMN=VALUE"))
+                .ok_or_else(|| found("--where", format!("{text:?}"), "COLUMN=VALUE"))
         };
         let joint = self.joint.iter().map(|joint| Ok((JOINT.to_owned(), vec![joint.clone()])));
         self.only.iter().map(choice).chain(joint).collect()

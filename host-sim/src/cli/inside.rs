@@ -1,14 +1,13 @@
 //! `--inside`: fits friction models within the known dynamics of a machine, to the angles of all joints at once.
 
+use super::error::{Result, found, unfit};
 use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, pretty};
 use super::progress::in_stages;
-use friction_diagnose::prepare::Error;
 use friction_fit::params::emit_model;
 use joint_log::SplitRule;
 use joint_log::number::significant;
 use joint_log::work;
-use published_experiments::PaperError;
 use published_experiments::coupled::{ArmLog, InsideFit, model};
 use serde_json::{Value, json};
 
@@ -23,12 +22,12 @@ pub fn run(
     models: &[String],
     starts: usize,
     document: &str,
-) -> Result<(), String> {
-    let models = models.iter().map(|name| model(name)).collect::<Result<Vec<_>, PaperError>>()?;
+) -> Result {
+    let models = models.iter().map(|name| Ok(model(name)?)).collect::<Result<Vec<_>>>()?;
     let joints = match data.read(&SplitRule::default())? {
         LogInputs::Several(joints) => joints,
         LogInputs::One(_) => {
-            return Err("--inside manipulator: found the log of one joint, expected three".into());
+            return Err(found("--inside manipulator", "the log of one joint", "three"));
         }
     };
     let logs: Vec<_> = joints.iter().map(|(name, input)| (name.clone(), &input.data)).collect();
@@ -39,8 +38,9 @@ pub fn run(
     let mixed = first.split.train.iter().find(|part| held_out.contains(&&*runs[part.run].name));
     if let Some(part) = mixed {
         let name = &runs[part.run].name;
-        return Err(format!(
-            "--inside manipulator: only a part of run {name} is held out, expected whole runs"
+        return Err(unfit(
+            "--inside manipulator",
+            format!("only a part of run {name} is held out, expected whole runs"),
         ));
     }
     let log = ArmLog::new(&logs, &held_out, starts)?;
@@ -50,9 +50,8 @@ pub fn run(
             work::report_stage(&format!("fitting {name} within the dynamics of the arm"));
             Ok(log.fit(model)?)
         });
-        fits.collect::<Result<Vec<InsideFit>, Error>>()
-    })
-    .map_err(|error| error.to_string())?;
+        fits.collect::<Result<Vec<InsideFit>>>()
+    })?;
     let all = |fit: &InsideFit| fit.test_deg.iter().map(|error| error * error).sum::<f64>();
     fits.sort_by(|a, b| all(a).total_cmp(&all(b)));
 

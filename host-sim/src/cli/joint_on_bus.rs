@@ -1,10 +1,10 @@
 //! Arguments that commands share which move a joint: the simulated joint on the bus `loop`, and the bounds of motions.
 
 use super::bus::BusArguments;
+use super::error::{Result, unfit};
 use clap::Args;
-use compensator_core::can::NodeId;
 use compensator_core::quantity::{JointKind, Quantity};
-use joint_bus::bus::{BusName, Hub};
+use joint_bus::bus::Hub;
 use joint_rig::{MotorNode, service};
 use joint_tuning::MotionLimits;
 use simulated_machines::joint_plant::DrawnJoint;
@@ -52,12 +52,13 @@ impl MotionArguments {
     ///
     /// # Errors
     /// Returns one line if the units are of two kinds of joint, or of a linear axis on the bus.
-    pub fn limits(&self, is_file: bool) -> Result<(MotionLimits, &'static str), String> {
+    pub fn limits(&self, is_file: bool) -> Result<(MotionLimits, &'static str)> {
         let ((range, kind), (speed, other)) = (self.range, self.speed);
         if kind != other || kind == JointKind::Prismatic && !is_file {
-            return Err(
-                "--range, --speed: expected rad or deg in both; with --standard --dry-run also m or mm in both".into(),
-            );
+            return Err(unfit(
+                "--range, --speed",
+                "expected rad or deg in both; with --standard --dry-run also m or mm in both",
+            ));
         }
         Ok((MotionLimits::new(range, speed), Quantity::Position.name(kind)))
     }
@@ -71,51 +72,55 @@ const UNITS: [(&str, f64, JointKind); 4] = [
     ("m", 1.0, JointKind::Prismatic),
 ];
 
+/// Largest bound, in rad or rad/s, or in m or m/s.
+const MAX_BOUND: f64 = 100.0;
+
+/// Error of a bound.
+#[derive(Debug, PartialEq, thiserror::Error)]
+#[error(
+    "found {found:?}, expected a number above 0 and up to {MAX_BOUND} rad{end}, such as 0.4rad{end}"
+)]
+struct UnfitBound {
+    found: String,
+    /// End of the unit.
+    end: String,
+}
+
 /// Parses a number with a unit, which `end` follows; a bare number is in the first one.
-fn number(text: &str, end: &str, most: f64) -> Result<Bound, String> {
-    let expected = || {
-        format!(
-            "found {text:?}, expected a number above 0 and up to {most} rad{end}, such as 0.4rad{end}"
-        )
-    };
+fn bound(text: &str, end: &str) -> Result<Bound, UnfitBound> {
+    let failed = || UnfitBound { found: text.to_owned(), end: end.to_owned() };
     let trimmed = text.trim().trim_start_matches(['±', '+']).trim_start_matches('-').trim();
     let with_unit =
         |(symbol, size, kind)| Some((trimmed.strip_suffix(end)?.strip_suffix(symbol)?, size, kind));
     let (digits, size, kind) =
         UNITS.into_iter().find_map(with_unit).unwrap_or((trimmed, 1.0, JointKind::Revolute));
-    let value = digits.trim().parse::<f64>().map_err(|_| expected())? * size;
-    if value > 0.0 && value <= most { Ok((value, kind)) } else { Err(expected()) }
+    let value = digits.trim().parse::<f64>().map_err(|_| failed())? * size;
+    if value > 0.0 && value <= MAX_BOUND { Ok((value, kind)) } else { Err(failed()) }
 }
 
-fn range(text: &str) -> Result<Bound, String> {
-    number(text, "", 100.0)
+fn range(text: &str) -> Result<Bound, UnfitBound> {
+    bound(text, "")
 }
 
-fn speed(text: &str) -> Result<Bound, String> {
-    number(text, "/s", 100.0)
+fn speed(text: &str) -> Result<Bound, UnfitBound> {
+    bound(text, "/s")
 }
 
 /// Returns the hub of the bus `loop`, with a simulated joint attached to it. For any other bus, the hub stays empty.
 ///
 /// # Errors
 /// Returns one line if the arguments do not fit together or the joint does not start.
-pub fn start_hub(bus: &BusArguments, joint: &JointArguments) -> Result<Hub, String> {
+pub fn start_hub(bus: &BusArguments, joint: &JointArguments) -> Result<Hub> {
     let hub = Hub::new();
-    match (&bus.bus, joint.motor) {
-        (BusName::Loop, true) if bus.node_id != NodeId::FIRST => {
-            return Err("--motor: the simulated joint is node 1".into());
-        }
-        (BusName::Loop, true) => {
-            let drawn = DrawnJoint::draw(joint.seed(), &joint.hide, None)?;
-            hub.attach(MotorNode::drawn(&drawn, &service::starting_set(&drawn))?);
-        }
-        (BusName::Loop, false) => {
-            return Err(
-                "--bus loop: needs --motor, a simulated joint; for a real one give --bus can0, or slcan:PATH".into(),
-            );
-        }
-        (_, true) => return Err("--motor: requires --bus loop".into()),
-        _ => {}
+    if joint.motor {
+        bus.check_motor("--motor")?;
+        let drawn = DrawnJoint::draw(joint.seed(), &joint.hide, None)?;
+        hub.attach(MotorNode::drawn(&drawn, &service::starting_set(&drawn))?);
+    } else if bus.is_loop() {
+        return Err(unfit(
+            "--bus loop",
+            "needs --motor, a simulated joint; for a real one give --bus can0, or slcan:PATH",
+        ));
     }
     Ok(hub)
 }
@@ -134,7 +139,7 @@ mod tests {
         assert_eq!(speed("0.2m/s"), Ok((0.2, Prismatic)));
         assert!((range("90deg").unwrap().0 - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
         for wrong in ["", "x", "0", "1e9", "nan", "0.4rad/s", "0.4km"] {
-            let error = range(wrong).unwrap_err();
+            let error = range(wrong).unwrap_err().to_string();
             assert!(error.contains(&format!("{wrong:?}")) && error.contains("rad"), "{error}");
         }
     }

@@ -5,11 +5,13 @@
 //! and watch twice a second. With `--listen` it sends no frame.
 
 use super::bus::BusArguments;
+use super::error::{Refusal, Result};
+use super::values::{Expected, number};
 use crate::demo_joint;
-use joint_bus::bus::{Bus, BusName, Hub};
+use joint_bus::bus::{Bus, Hub};
 use joint_bus::monitor::plain::{Terminal, run_plain};
 use joint_bus::monitor::rows::Setting;
-use joint_bus::monitor::{Session, run_lines};
+use joint_bus::monitor::{ReopenError, Session, run_lines};
 #[cfg(feature = "monitor")]
 use joint_monitor::{run_screen, screen};
 use rustix::termios::tcgetwinsize;
@@ -48,18 +50,17 @@ enum ViewChoice {
     Paged,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "expected a number above 0".to_owned())
+fn seconds(text: &str) -> Result<f64, Expected> {
+    number(text, |seconds| *seconds > 0.0, "a number above 0")
 }
 
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
-pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
+pub fn run(arguments: &MonitorArguments) -> Result {
     #[cfg(not(feature = "monitor"))]
     if arguments.view == Some(ViewChoice::Paged) {
-        return Err(super::missing_feature::refusal("--view paged", "monitor"));
+        return Err(super::missing_feature::refusal("--view paged", "monitor").into());
     }
     let lines = arguments.json || !std::io::stdout().is_terminal();
     if lines && !arguments.json {
@@ -67,15 +68,17 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
             "note: standard output is not a terminal: printing one JSON object per second, as with --json"
         );
     }
-    let is_demo = arguments.bus.bus == BusName::Loop;
-    let bus = if is_demo { open_demo(arguments)? } else { open(arguments)? };
+    let is_demo = arguments.bus.is_loop();
+    let open = || arguments.bus.open_with(&Hub::new(), arguments.listen);
+    let bus = if is_demo { Box::new(demo_joint::start(arguments.bus.node_id)?.1) } else { open()? };
+    let mut bus = arguments.bus.with_recorder(bus)?;
     // SIGTERM and SIGHUP too: restore the terminal and flush the record. A second signal ends the process immediately.
     let stop = || {
         if STOPPED.swap(true, Ordering::Relaxed) {
             std::process::exit(1);
         }
     };
-    ctrlc::set_handler(stop).map_err(|error| format!("Ctrl-C: {error}"))?;
+    ctrlc::set_handler(stop).map_err(Refusal::Signals)?;
     let is_over = |elapsed_s: f64| {
         STOPPED.load(Ordering::Relaxed) || arguments.seconds.is_some_and(|most| elapsed_s >= most)
     };
@@ -85,28 +88,22 @@ pub fn run(arguments: &MonitorArguments) -> Result<(), String> {
     session.set_bus(&name);
     if lines {
         let name = if is_demo { "loop (demo: a simulated joint in this process)" } else { &name };
-        let mut bus = bus;
-        return run_lines(&mut session, &mut bus, name, is_over, print);
+        return Ok(run_lines(&mut session, &mut bus, name, is_over, print)?);
     }
     let setting = Setting { bus: name, demo: is_demo, epoch: !is_demo, ..Setting::default() };
-    let again = || {
-        if is_demo {
-            return Err("the demo has ended; start monitor again".to_owned());
-        }
-        // Opening the record again would overwrite it.
-        if arguments.bus.record.is_some() {
-            return Err("the bus was closed; the recording is kept; start monitor again".to_owned());
-        }
-        open(arguments)
+    let again = || match &arguments.bus.record {
+        _ if is_demo => Err(ReopenError::DemoEnded),
+        Some(_) => Err(ReopenError::RecordKept),
+        None => Ok(open()?),
     };
     #[cfg(feature = "monitor")]
     if arguments.view != Some(ViewChoice::Plain) {
-        return screen::with_terminal(|terminal| {
+        return Ok(screen::with_terminal(|terminal| {
             run_screen(&mut session, bus, setting, terminal, again, is_over)
-        });
+        })?);
     }
     let mut out = std::io::stdout().lock();
-    run_plain(&mut session, bus, setting, &mut out, plain_terminal, again, is_over)
+    Ok(run_plain(&mut session, bus, setting, &mut out, plain_terminal, again, is_over)?)
 }
 
 /// Returns the terminal of standard output as it is now.
@@ -118,22 +115,12 @@ fn plain_terminal() -> Terminal {
     Terminal { width: width.into(), height: height.into(), colour }
 }
 
-/// Opens the bus of `--bus`.
-fn open(arguments: &MonitorArguments) -> Result<Box<dyn Bus>, String> {
-    arguments.bus.open_with(&Hub::new(), arguments.listen)
-}
-
-fn open_demo(arguments: &MonitorArguments) -> Result<Box<dyn Bus>, String> {
-    let (_, port) = demo_joint::start(arguments.bus.node_id)?;
-    arguments.bus.with_recorder(Box::new(port))
-}
-
 /// Prints a line. Returns false if the reader has closed the pipe.
-fn print(line: &str) -> Result<bool, String> {
+fn print(line: &str) -> std::io::Result<bool> {
     let mut out = std::io::stdout().lock();
     match out.write_all(line.as_bytes()).and_then(|()| out.flush()) {
         Ok(()) => Ok(true),
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
-        Err(error) => Err(format!("standard output: {error}")),
+        Err(error) => Err(error),
     }
 }

@@ -1,12 +1,13 @@
 //! `move`: moves a joint by hand of the command line, and reports how well it followed.
 
 use super::bus::BusArguments;
+use super::error::{Result, found, unfit};
 use super::joint_on_bus::{JointArguments, MotionArguments, start_hub};
 use super::output::{OutputArguments, print_text};
 use super::tune::{Terminal, read_motion};
+use super::values::{Expected, expected};
 use clap::Args;
 use friction_results::tune::TuneQuantity;
-use joint_bus::bus::BusName;
 use joint_tuning::motion::{Motion, MotionBuilder, TARGET_PERIOD_S, standard};
 use joint_tuning::recording::emit_csv;
 use joint_tuning::{MotionLimits, MoveOptions, perform};
@@ -59,9 +60,11 @@ struct Sine {
     periods: usize,
 }
 
-fn sine(text: &str) -> Result<Sine, String> {
+fn sine(text: &str) -> Result<Sine, Expected> {
     let expected = || {
-        "expected an amplitude in rad and a frequency in Hz, such as 0.2,0.5, and at most 1000 periods".to_owned()
+        expected(
+            "an amplitude in rad and a frequency in Hz, such as 0.2,0.5, and at most 1000 periods",
+        )
     };
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let numbers = numbers.filter(|numbers| numbers.iter().all(|number| *number > 0.0));
@@ -76,7 +79,7 @@ fn sine(text: &str) -> Result<Sine, String> {
 
 impl MoveArguments {
     /// Returns the motion relative to the present position.
-    fn motion(&self, limits: &MotionLimits) -> Result<Motion, String> {
+    fn motion(&self, limits: &MotionLimits) -> Result<Motion> {
         if let Some(path) = &self.what.file {
             return read_motion(path, limits);
         }
@@ -84,29 +87,30 @@ impl MoveArguments {
         let Sine { amplitude_rad, hz, periods } = sine;
         let peak_rad_s = std::f64::consts::TAU * hz * amplitude_rad;
         if peak_rad_s > limits.speed_rad_s {
-            return Err(format!(
-                "--sine: found a speed of {peak_rad_s:.3} rad/s, expected at most {} rad/s (--speed)",
-                limits.speed_rad_s
-            ));
+            let speed = format!("a speed of {peak_rad_s:.3} rad/s");
+            let most = limits.speed_rad_s;
+            return Err(found("--sine", speed, format!("at most {most} rad/s (--speed)")));
         }
         let builder = MotionBuilder::new(*limits).rest(0.2);
         let motion = builder
             .stroke(-amplitude_rad, 0.5 * limits.speed_rad_s)
             .sine(amplitude_rad, peak_rad_s, periods)
             .finish("sine");
-        motion.validate(limits).map(|()| motion)
+        motion.validate(limits)?;
+        Ok(motion)
     }
 }
 
 /// Runs the command.
-pub fn run(arguments: &MoveArguments) -> Result<(), String> {
+pub fn run(arguments: &MoveArguments) -> Result {
     let is_file = arguments.dry_run && arguments.what.standard;
     let (limits, column) = arguments.limits.limits(is_file)?;
     if arguments.dry_run {
         if arguments.what.to.is_some() {
-            return Err(
-                "--dry-run: not with --to, whose way depends on where the joint stands".into()
-            );
+            return Err(unfit(
+                "--dry-run",
+                "not with --to, whose way depends on where the joint stands",
+            ));
         }
         let motion = arguments.motion(&limits)?;
         let mut text = format!("time_s,{column}\n");
@@ -115,10 +119,8 @@ pub fn run(arguments: &MoveArguments) -> Result<(), String> {
         }
         return arguments.output.finish(&[("motion.csv", text.as_bytes())], &text, "");
     }
-    let motion = match arguments.what.to {
-        Some(_) => None,
-        None => Some(arguments.motion(&limits)?),
-    };
+    let is_motion = arguments.what.to.is_none();
+    let motion = is_motion.then(|| arguments.motion(&limits)).transpose()?;
     let hub = start_hub(&arguments.bus, &arguments.joint)?;
     let client = arguments.bus.client(arguments.bus.open(&hub)?)?;
     let options = MoveOptions {
@@ -126,12 +128,11 @@ pub fn run(arguments: &MoveArguments) -> Result<(), String> {
         limits,
         motion,
         to_rad: arguments.what.to,
-        joint: format!("node {} on {}", arguments.bus.node_id.number(), arguments.bus.bus),
+        joint: arguments.bus.joint_name(),
     };
-    let is_simulated = arguments.bus.bus == BusName::Loop;
-    let mut user = Terminal { yes: arguments.yes || is_simulated, quiet: arguments.output.json };
-    let moved = perform(client, &options, super::interrupt::flag()?, &mut user);
-    let moved = moved.map_err(|error| error.to_string())?;
+    let yes = arguments.yes || arguments.bus.is_loop();
+    let mut user = Terminal { yes, quiet: arguments.output.json };
+    let moved = perform(client, &options, super::interrupt::flag()?, &mut user)?;
     if moved.recording.rows.is_empty() {
         let at = moved.position_rad;
         return if arguments.output.json {
@@ -144,7 +145,7 @@ pub fn run(arguments: &MoveArguments) -> Result<(), String> {
     let mut text = String::new();
     for (quantity, value) in TuneQuantity::ALL.into_iter().zip(moved.scores) {
         text += &format!("{}: {value:.5} {}\n", quantity.in_words(), quantity.unit());
-        let name = serde_json::to_value(quantity).map_err(|error| error.to_string())?;
+        let name = serde_json::to_value(quantity)?;
         document.insert(name.as_str().unwrap_or_default().to_owned(), value.into());
     }
     let document = serde_json::Value::Object(document).to_string() + "\n";

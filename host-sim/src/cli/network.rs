@@ -5,13 +5,16 @@
 #[cfg(feature = "network")]
 use super::each_joint::JointResult;
 #[cfg(feature = "network")]
+use super::error::found;
+use super::error::{CommandError, Result, in_file, unfit};
+#[cfg(feature = "network")]
 use super::fit_arguments::{FitArguments, LossChoice};
 #[cfg(not(feature = "network"))]
 use super::missing_feature;
 use compensator_core::LawKind;
 use compensator_core::network::JointNetwork;
 #[cfg(feature = "network")]
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Prepared;
 use friction_fit::Track;
 use friction_fit::params::ParameterFile;
 use friction_fit::prediction::{self, LogPrediction, PredictionOptions};
@@ -41,18 +44,21 @@ pub(super) struct NetworkArguments {
 }
 
 /// Returns the error message of a command that does not support this model.
-pub(super) fn unsupported_by(command: &str) -> String {
+pub(super) fn unsupported_by(command: &str) -> CommandError {
     let base = LawKind::LugreAsymmetric.name();
-    format!(
-        "{MODEL}: {command} supports only laws with constant parameters; `identify --model {MODEL}` trains the network and \
-         compares it with {base}"
+    unfit(
+        MODEL,
+        format!(
+            "{command} supports only laws with constant parameters; `identify --model {MODEL}` trains the network and \
+             compares it with {base}"
+        ),
     )
 }
 
 /// Returns the refusal of a network.
 #[cfg(not(feature = "network"))]
-pub(super) fn refusal() -> String {
-    missing_feature::refusal("a network that scales a model", "network")
+pub(super) fn refusal() -> CommandError {
+    missing_feature::refusal("a network that scales a model", "network").into()
 }
 
 /// Fits the model to the log of one joint.
@@ -62,18 +68,18 @@ pub(super) fn identify(
     fitting: &FitArguments,
     starts: usize,
     data: &Prepared,
-) -> Result<JointResult, Error> {
+) -> Result<JointResult> {
     if fitting.loss == LossChoice::Huber {
-        let line = format!(
-            "--loss: found huber, expected squares or auto: {MODEL} is trained with squares"
-        );
-        return Err(line.into());
+        let expected = format!("squares or auto: {MODEL} is trained with squares");
+        return Err(found("--loss", "huber", expected));
     }
     if !data.rigid_body.is_empty() {
-        let line = format!(
-            "--rigid-body: cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
-        );
-        return Err(line.into());
+        return Err(unfit(
+            "--rigid-body",
+            format!(
+                "cannot be used with --model {MODEL}, which requires a torque column that contains friction only"
+            ),
+        ));
     }
     let options = IdentifyOptions {
         inputs: arguments.inputs.clone(),
@@ -92,26 +98,26 @@ pub(super) fn predict_tracks(
     data: &Dataset,
     tracks: &[Track],
     options: &PredictionOptions,
-) -> Result<LogPrediction, String> {
+) -> Result<LogPrediction> {
     match &file.network {
-        None => prediction::predict_tracks(file, data, tracks, options)
-            .map_err(|error| error.to_string()),
+        None => Ok(prediction::predict_tracks(file, data, tracks, options)?),
         #[cfg(feature = "network")]
-        Some(text) => NetworkFile::of(text)
-            .and_then(|net| friction_network::predict_tracks(file, &net, data, tracks, options))
-            .map_err(|error| error.to_string()),
+        Some(text) => {
+            let network = NetworkFile::of(text)?;
+            Ok(friction_network::predict_tracks(file, &network, data, tracks, options)?)
+        }
         #[cfg(not(feature = "network"))]
         Some(_) => Err(refusal()),
     }
 }
 
 #[cfg(feature = "network")]
-fn text_of(network: &JointNetwork, joint: JointKind) -> Result<String, String> {
+fn text_of(network: &JointNetwork, joint: JointKind) -> Result<String> {
     Ok(NetworkFile::of_driver(network, joint).emit(serde_json::Value::Null))
 }
 
 #[cfg(not(feature = "network"))]
-fn text_of(_: &JointNetwork, _: JointKind) -> Result<String, String> {
+fn text_of(_: &JointNetwork, _: JointKind) -> Result<String> {
     Err(refusal())
 }
 
@@ -120,23 +126,21 @@ pub(super) fn write(
     network: &JointNetwork,
     joint: JointKind,
     path: &Path,
-) -> Result<(String, String), String> {
+) -> Result<(String, String)> {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
-    let name = name.ok_or_else(|| format!("--network {}: expected a file name", path.display()))?;
+    let name =
+        name.ok_or_else(|| unfit(format!("--network {}", path.display()), "expected a file name"))?;
     let text = text_of(network, joint)?;
-    friction_results::write_atomically(path, text.as_bytes())
-        .map_err(|error| format!("{}: {error}", path.display()))?;
+    friction_results::write_atomically(path, text.as_bytes()).map_err(in_file(path))?;
     Ok((name, text))
 }
 
 /// Returns the network of a model in the form of a driver; `None` if the model has none.
-pub(super) fn for_driver(file: &ParameterFile) -> Result<Option<JointNetwork>, String> {
+pub(super) fn for_driver(file: &ParameterFile) -> Result<Option<JointNetwork>> {
     match &file.network {
         None => Ok(None),
         #[cfg(feature = "network")]
-        Some(text) => NetworkFile::of(text)
-            .and_then(|network| network.for_driver().map(Some))
-            .map_err(|error| error.to_string()),
+        Some(text) => Ok(Some(NetworkFile::of(text)?.for_driver()?)),
         #[cfg(not(feature = "network"))]
         Some(_) => Err(refusal()),
     }

@@ -1,15 +1,15 @@
 //! `node`: runs a joint driver on this PC, connected to a CAN bus.
 
 use super::bus::BusArguments;
+use super::error::{Result, in_file, in_part, unfit};
+use super::interrupt;
 use super::output::print_text;
-use compensator_core::can::NodeId;
-use joint_bus::bus::{BusError, BusName, Hub};
+use joint_bus::bus::{BusError, Hub};
 use joint_bus::joint::{JointNode, run_participant};
 use joint_rig::{MotorNode, service};
 use simulated_machines::joint_plant::DrawnJoint;
 use simulated_machines::scenarios::Hide;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Arguments of `node`.
@@ -40,38 +40,31 @@ pub struct NodeArguments {
     bus: BusArguments,
 }
 
-static STOPPED: AtomicBool = AtomicBool::new(false);
-
 /// Runs the command.
-pub fn run(arguments: &NodeArguments) -> Result<(), String> {
-    if arguments.bus.bus == BusName::Loop {
-        return Err(
-            "node: the bus loop has no other participant; give --bus vcan0, can0 or slcan:..., \
-                    or use replay, which starts its own node on loop"
-                .to_owned(),
-        );
+pub fn run(arguments: &NodeArguments) -> Result {
+    if arguments.bus.is_loop() {
+        return Err(unfit(
+            "node",
+            "the bus loop has no other participant; give --bus vcan0, can0 or slcan:..., or use replay, which starts its \
+             own node on loop",
+        ));
     }
     if arguments.motor {
         return run_motor(arguments);
     }
     let path = arguments.flash.as_deref();
-    let mut joint = JointNode::start(arguments.bus.node_id, path).map_err(|error| {
-        let name = path.map_or_else(String::new, |path| format!("{}: ", path.display()));
-        format!("{name}{error}")
-    })?;
+    let joint = JointNode::start(arguments.bus.node_id, path);
+    let mut joint = match path {
+        Some(path) => joint.map_err(in_file(path))?,
+        None => joint?,
+    };
     let mut bus = arguments.bus.open(&Hub::new())?;
-    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed))
-        .map_err(|error| format!("Ctrl-C: {error}"))?;
+    let is_over = is_over(arguments.seconds)?;
     print_text(&format!(
-        "node {} on {}: pre-operational, receives its inputs from the bus; stop with Ctrl-C\n",
-        arguments.bus.node_id.number(),
-        arguments.bus.bus
+        "{}: pre-operational, receives its inputs from the bus; stop with Ctrl-C\n",
+        arguments.bus.joint_name()
     ))?;
-    let start = Instant::now();
-    let longest = arguments.seconds.map(Duration::from_secs_f64);
-    let outcome = joint.run(&mut bus, |_| {
-        STOPPED.load(Ordering::Relaxed) || longest.is_some_and(|longest| start.elapsed() >= longest)
-    });
+    let outcome = joint.run(&mut bus, |_| is_over());
     let counters = joint.driver().map(|driver| *driver.joint.counters()).unwrap_or_default();
     print_text(&format!(
         "frames received: {}, restarts: {}\n",
@@ -82,42 +75,40 @@ pub fn run(arguments: &NodeArguments) -> Result<(), String> {
 }
 
 /// Runs a driver with a simulated motor and joint.
-fn run_motor(arguments: &NodeArguments) -> Result<(), String> {
-    if arguments.bus.node_id != NodeId::FIRST {
-        return Err("--motor: the simulated joint is node 1".into());
-    }
+fn run_motor(arguments: &NodeArguments) -> Result {
+    arguments.bus.check_first_node("--motor")?;
     let (mut joint, what) = motor_joint(arguments)?;
     let mut bus = arguments.bus.open(&Hub::new())?;
-    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed))
-        .map_err(|error| format!("Ctrl-C: {error}"))?;
+    let is_over = is_over(arguments.seconds)?;
     print_text(&format!(
-        "node 1 on {}: pre-operational, with a simulated motor, {what}; stop with Ctrl-C\n",
-        arguments.bus.bus
+        "{}: pre-operational, with a simulated motor, {what}; stop with Ctrl-C\n",
+        arguments.bus.joint_name()
     ))?;
-    let start = Instant::now();
-    let longest = arguments.seconds.map(Duration::from_secs_f64);
-    node_result(run_participant(&mut joint, &mut bus, |_, _| {
-        let is_over = longest.is_some_and(|longest| start.elapsed() >= longest);
-        Ok(is_over || STOPPED.load(Ordering::Relaxed))
-    }))
+    node_result(run_participant(&mut joint, &mut bus, |_, _| Ok(is_over())))
 }
 
 /// Starts the joint of `--motor`, and returns it with its description.
-fn motor_joint(arguments: &NodeArguments) -> Result<(MotorNode, String), String> {
+fn motor_joint(arguments: &NodeArguments) -> Result<(MotorNode, String)> {
     if arguments.hide.is_empty() && arguments.seed.is_none() {
         return Ok((MotorNode::commissioned()?, "commissioned".to_owned()));
     }
     let seed = arguments.seed.unwrap_or(1);
-    let joint =
-        DrawnJoint::draw(seed, &arguments.hide, None).map_err(|why| format!("--hide: {why}"))?;
+    let joint = DrawnJoint::draw(seed, &arguments.hide, None).map_err(in_part("--hide"))?;
     let node = MotorNode::drawn(&joint, &service::starting_set(&joint))?;
     Ok((node, format!("drawn with seed {seed}, in service")))
 }
 
-fn node_result(outcome: Result<(), BusError>) -> Result<(), String> {
+/// Returns a function that is true when the node ends: by Ctrl-C, or after this time, s.
+fn is_over(seconds: Option<f64>) -> Result<impl Fn() -> bool> {
+    let is_interrupted = interrupt::flag()?;
+    let (start, longest) = (Instant::now(), seconds.map(Duration::from_secs_f64));
+    Ok(move || is_interrupted() || longest.is_some_and(|longest| start.elapsed() >= longest))
+}
+
+fn node_result(outcome: Result<(), BusError>) -> Result {
     match outcome {
         // On a serial line, the peer ends the node by closing the connection.
         Err(BusError::Closed { .. }) | Ok(()) => Ok(()),
-        Err(error) => Err(error.to_string()),
+        Err(error) => Err(error.into()),
     }
 }

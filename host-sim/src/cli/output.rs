@@ -1,5 +1,6 @@
 //! Output of the commands: result files and standard output.
 
+use super::error::{Refusal, Result, found, in_file};
 use super::terminal;
 use clap::Args;
 use rustix::termios::tcgetwinsize;
@@ -36,8 +37,8 @@ impl OutputArguments {
     /// Returns the output arguments of a command with a folder of its own below the default one.
     #[must_use]
     pub fn of_command(&self, command: &str) -> Self {
-        let own = || Path::new(DEFAULT_FOLDER).join(command);
-        Self { out: Some(self.out.clone().unwrap_or_else(own)), ..self.clone() }
+        let default = || Path::new(DEFAULT_FOLDER).join(command);
+        Self { out: Some(self.out.clone().unwrap_or_else(default)), ..self.clone() }
     }
 
     /// Returns the output arguments of a command that reads logs. Without `--out`, the folder is named after the command
@@ -45,21 +46,16 @@ impl OutputArguments {
     /// left there are removed, so that none stands beside new ones.
     #[must_use]
     pub fn of_run(&self, command: &str, logs: &[PathBuf]) -> Self {
-        let own = || Path::new(DEFAULT_FOLDER).join(run_name(command, logs));
+        let default = || Path::new(DEFAULT_FOLDER).join(run_name(command, logs));
         let is_run_folder = self.out.is_none();
-        Self { out: Some(self.out.clone().unwrap_or_else(own)), json: self.json, is_run_folder }
+        Self { out: Some(self.out.clone().unwrap_or_else(default)), json: self.json, is_run_folder }
     }
 
     /// Writes the result files, and prints `document` with `--json`, otherwise `text` with the names of the files.
     ///
     /// # Errors
     /// See [`OutputArguments::write_bytes`].
-    pub fn finish(
-        &self,
-        files: &[(&str, &[u8])],
-        document: &str,
-        text: &str,
-    ) -> Result<(), String> {
+    pub fn finish(&self, files: &[(&str, &[u8])], document: &str, text: &str) -> Result {
         let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
         self.finish_as(files, &names, document, text)
     }
@@ -74,7 +70,7 @@ impl OutputArguments {
         names: &[&str],
         document: &str,
         text: &str,
-    ) -> Result<(), String> {
+    ) -> Result {
         self.write_bytes(files)?;
         if self.json {
             return print_text(document);
@@ -88,17 +84,17 @@ impl OutputArguments {
     ///
     /// # Errors
     /// Returns one line that names the file and the options that help.
-    pub fn refuse_other_contents(&self, files: &[(&str, &str)]) -> Result<(), String> {
+    pub fn refuse_other_contents(&self, files: &[(&str, &str)]) -> Result {
         let differs = |(name, text): &(&str, &str)| {
             let path = self.folder().join(name);
             let written = std::fs::read(&path).ok()?;
             (written != text.as_bytes()).then_some(path)
         };
         files.iter().find_map(differs).map_or(Ok(()), |path| {
-            Err(format!(
-                "{}: found the file of another run, expected none: write to another folder with --out, or replace it with \
-                 --force",
-                path.display()
+            Err(found(
+                path.display().to_string(),
+                "the file of another run",
+                "none: write to another folder with --out, or replace it with --force",
             ))
         })
     }
@@ -107,7 +103,7 @@ impl OutputArguments {
     ///
     /// # Errors
     /// Returns one line that names the file.
-    pub fn write(&self, files: &[(&str, &str)]) -> Result<(), String> {
+    pub fn write(&self, files: &[(&str, &str)]) -> Result {
         let bytes: Vec<(&str, &[u8])> =
             files.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
         self.write_bytes(&bytes)
@@ -117,24 +113,18 @@ impl OutputArguments {
     ///
     /// # Errors
     /// See [`OutputArguments::write`].
-    pub fn write_bytes(&self, files: &[(&str, &[u8])]) -> Result<(), String> {
-        let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
+    pub fn write_bytes(&self, files: &[(&str, &[u8])]) -> Result {
         let out = self.folder();
-        std::fs::create_dir_all(out).map_err(|error| failed(out, error))?;
+        std::fs::create_dir_all(out).map_err(in_file(out))?;
         if self.is_run_folder {
-            remember_files(out, files.iter().map(|(name, _)| *name))
-                .map_err(|error| failed(out, error))?;
+            remember_files(out, files.iter().map(|(name, _)| *name)).map_err(in_file(out))?;
         }
         let taken = files.iter().map(|(name, _)| out.join(name)).find(|path| path.is_dir());
         if let Some(path) = taken {
-            return Err(failed(&path, ErrorKind::IsADirectory.into()));
+            return Err(in_file(&path)(ErrorKind::IsADirectory.into()));
         }
         for (name, content) in files {
-            let path = out.join(name);
-            let folder = path.parent().unwrap_or(out);
-            std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
-            friction_results::write_atomically(&path, content)
-                .map_err(|error| failed(&path, error))?;
+            write_file(&out.join(name), content)?;
         }
         Ok(())
     }
@@ -147,12 +137,11 @@ const WRITTEN: &str = ".written";
 ///
 /// # Errors
 /// One line with the path and the reason.
-pub fn write_file(file: &Path, content: &[u8]) -> Result<(), String> {
-    let failed = |path: &Path, error: std::io::Error| format!("{}: {error}", path.display());
+pub fn write_file(file: &Path, content: &[u8]) -> Result {
     if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|error| failed(folder, error))?;
+        std::fs::create_dir_all(folder).map_err(in_file(folder))?;
     }
-    friction_results::write_atomically(file, content).map_err(|error| failed(file, error))
+    friction_results::write_atomically(file, content).map_err(in_file(file))
 }
 
 /// Removes the results of an earlier process from the folder of a run, and notes the names of those to be written.
@@ -164,7 +153,7 @@ fn remember_files<'a>(
     let mut written_to = WRITTEN_TO.lock().unwrap_or_else(PoisonError::into_inner);
     let list = folder.join(WRITTEN);
     let mut known = std::fs::read_to_string(&list).unwrap_or_default();
-    if !written_to.iter().any(|own| own == folder) {
+    if !written_to.iter().any(|known| known == folder) {
         written_to.push(folder.to_owned());
         let is_inside = |name: &&str| {
             Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
@@ -220,15 +209,23 @@ pub fn file_name(name: &str) -> String {
 ///
 /// # Errors
 /// Returns one line if the result has no JSON form.
-pub fn pretty(result: &impl serde::Serialize) -> Result<String, String> {
-    Ok(serde_json::to_string_pretty(result).map_err(|error| error.to_string())? + "\n")
+pub fn pretty(result: &impl serde::Serialize) -> Result<String> {
+    Ok(serde_json::to_string_pretty(result)? + "\n")
+}
+
+/// Prints a result as JSON, or as the text for a reader.
+///
+/// # Errors
+/// See [`pretty`] and [`print_text`].
+pub fn print_result(json: bool, result: &impl serde::Serialize, text: &str) -> Result {
+    if json { print_text(&pretty(result)?) } else { print_text(text) }
 }
 
 /// Prints a text for the user. On a terminal, the text is wrapped to its width and coloured unless `NO_COLOR` is set.
 ///
 /// # Errors
 /// See [`print_text`].
-pub fn print_formatted(text: &str) -> Result<(), String> {
+pub fn print_formatted(text: &str) -> Result {
     let out = std::io::stdout();
     if !out.is_terminal() {
         return print_text(text);
@@ -249,17 +246,27 @@ pub fn print_message(line: &str) {
     eprint!("{}", terminal::format_for_terminal(line, width.clamp(40, 120), false));
 }
 
+/// Asks the user a question on the terminal. Returns true for yes.
+///
+/// # Errors
+/// Standard input cannot be read.
+pub fn is_answered_yes(question: &str) -> std::io::Result<bool> {
+    eprint!("{question} [y/N] ");
+    let _ = std::io::stderr().flush();
+    let mut answer = String::new();
+    std::io::stdin().read_line(&mut answer)?;
+    Ok(matches!(answer.trim(), "y" | "Y" | "yes"))
+}
+
 /// Prints a text unchanged on standard output. A closed pipe (`| head`) is not an error, because the result files are
 /// already written.
 ///
 /// # Errors
 /// Returns one line if writing to standard output fails, for example on a full disk.
-pub fn print_text(text: &str) -> Result<(), String> {
+pub fn print_text(text: &str) -> Result {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(format!("standard output: {error}"))
-        }
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Refusal::Output(error).into()),
         _ => Ok(()),
     }
 }

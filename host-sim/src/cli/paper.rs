@@ -1,8 +1,10 @@
 //! `paper`: reproduces the tables and plots of a paper and shows our values beside the printed ones.
 
+use super::error::Result;
 use super::output::{OutputArguments, pretty};
 use super::progress::{announce, duration_in_words, spinner};
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use super::values::one_of;
+use clap::builder::TypedValueParser;
 use published_experiments::{
     PAPERS, Paper, PaperRequest, Stopwatch, format_rows, page, summary_markdown,
 };
@@ -30,13 +32,16 @@ pub struct PaperArguments {
 
 /// Returns the parser of the paper's name; the help lists every paper with its description.
 fn papers() -> impl TypedValueParser<Value = &'static dyn Paper> {
-    let values = PAPERS.iter().map(|of| PossibleValue::new(of.name()).help(of.about()));
-    PossibleValuesParser::new(values)
-        .try_map(|name| PAPERS.iter().copied().find(|of| of.name() == name).ok_or("no such paper"))
+    one_of(PAPERS.iter().map(|of| (of.name(), of.about(), *of)))
 }
 
+/// A value that cannot be computed.
+#[derive(Debug, thiserror::Error)]
+#[error("{0} is not a finite number")]
+struct NotFinite(String);
+
 /// Runs the command.
-pub fn run(arguments: &PaperArguments) -> Result<(), String> {
+pub fn run(arguments: &PaperArguments) -> Result {
     let paper = arguments.paper;
     let usual = duration_in_words(60.0 * paper.usual_minutes(arguments.quick));
     announce(&format!("{} takes about {usual} on two cores", paper.name()));
@@ -54,10 +59,11 @@ pub fn run(arguments: &PaperArguments) -> Result<(), String> {
     let summary = summary_markdown(paper, &request, &outcome, &took);
     bar.finish_and_clear();
     if let Some(goal) = outcome.goals.iter().find(|goal| !goal.ours.is_finite()) {
-        return Err(format!("{} is not a finite number", goal.what));
+        return Err(NotFinite(goal.what.to_string()).into());
     }
     if let Some(row) = outcome.rows.iter().find(|row| !row.ours.is_finite()) {
-        return Err(format!("{}: {}, {} is not a finite number", row.table, row.row, row.column));
+        let value = format!("{}: {}, {}", row.table, row.row, row.column);
+        return Err(NotFinite(value).into());
     }
     let document = json!({
         "schema": 1, "paper": paper.name(), "quick": arguments.quick, "seed": arguments.seed,

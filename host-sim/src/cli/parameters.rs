@@ -17,9 +17,10 @@ mod status;
 mod trend;
 
 use super::bus::BusArguments;
+use super::error::{Result, in_part, unfit};
 use super::export::CompensatedArguments;
 use super::network::{self, for_driver};
-use super::output::{pretty, print_text};
+use super::output::{print_result, print_text};
 use super::words::text_in_options;
 use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
@@ -35,11 +36,10 @@ use friction_fit::params::{self, ParameterFile};
 use friction_results::loop_cost::late_loop_warning;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
-use joint_bus::joint::JointNode;
-use joint_bus::parameters::{read_set, read_staged, write_set};
+use joint_bus::parameters::{read_set, write_set};
 use joint_log::JointKind;
 use joint_rig::MotorNode;
-use joint_tuning::names::{choices, differences, numbers, put, unknown};
+use joint_tuning::names::{NameError, choices, differences, numbers, put};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -161,11 +161,18 @@ enum Action {
 }
 
 /// Runs the command.
-pub fn run(arguments: &ParamsArguments) -> Result<ExitCode, String> {
+pub fn run(arguments: &ParamsArguments) -> Result<ExitCode> {
     let bus = bus_arguments(arguments)?;
-    let hub = start_hub(&bus, arguments.bus.motor)?;
+    let hub = if arguments.bus.motor {
+        bus.check_motor("--motor")?;
+        let hub = Hub::new();
+        hub.attach(MotorNode::start()?);
+        hub
+    } else {
+        bus.hub_with_driver()?
+    };
     let mut driver = Driver { client: bus.client(bus.open(&hub)?)? };
-    let name = format!("node {} on {}", arguments.bus.node_id, bus.bus);
+    let name = bus.joint_name();
     match run_action(&mut driver, arguments, &name, bus.record.as_deref())? {
         ActionResult::Printed(code) => Ok(code),
         ActionResult::Done(done) => {
@@ -181,13 +188,12 @@ pub fn run(arguments: &ParamsArguments) -> Result<ExitCode, String> {
 }
 
 /// Checks the arguments and returns those of the bus. A friction run records the bus to its trace.
-fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments, String> {
-    let node_id = NodeId::new(arguments.bus.node_id)
-        .ok_or_else(|| "--node-id: expected 1 to 127".to_owned())?;
+fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments> {
+    let node_id = NodeId::new(arguments.bus.node_id).unwrap_or(NodeId::FIRST);
     let bus = arguments.bus.bus.clone().ok_or_else(|| {
-        "--bus is missing: expected a SocketCAN interface such as can0, slcan:PATH, slcan:HOST:PORT, or loop (a \
-         driver in this process that ends with it)"
-            .to_owned()
+        let reason = "expected a SocketCAN interface such as can0, slcan:PATH, slcan:HOST:PORT, or loop (a \
+         driver in this process that ends with it)";
+        unfit("--bus is missing", reason)
     })?;
     let record = match &arguments.action {
         Action::Commission { measure, .. } => {
@@ -198,23 +204,6 @@ fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments, String> {
     };
     let key = arguments.bus.key.clone();
     Ok(BusArguments { bus, node_id, bit_rate: arguments.bus.bit_rate, record, key })
-}
-
-/// Returns the hub of the bus `loop`, with a driver attached to it. For any other bus, the hub stays empty.
-fn start_hub(bus: &BusArguments, has_motor: bool) -> Result<Hub, String> {
-    let hub = Hub::new();
-    match (&bus.bus, has_motor) {
-        (BusName::Loop, true) if bus.node_id != NodeId::FIRST => {
-            return Err("--motor: the simulated joint is node 1".into());
-        }
-        (BusName::Loop, true) => hub.attach(MotorNode::start()?),
-        (BusName::Loop, false) => {
-            hub.attach(JointNode::start(bus.node_id, None).map_err(|error| error.to_string())?);
-        }
-        (_, true) => return Err("--motor: requires --bus loop".into()),
-        _ => {}
-    }
-    Ok(hub)
 }
 
 /// Result of an action.
@@ -231,7 +220,7 @@ fn run_action(
     arguments: &ParamsArguments,
     name: &str,
     trace: Option<&Path>,
-) -> Result<ActionResult, String> {
+) -> Result<ActionResult> {
     let json = arguments.json;
     let printed = |()| ActionResult::Printed(ExitCode::SUCCESS);
     let done = match &arguments.action {
@@ -262,11 +251,11 @@ fn run_action(
         Action::Clear => "faults cleared, ".to_owned() + &driver.request(2)?,
         Action::Home { position_rad } => {
             let at = Address::new(index::STATE, 6);
-            driver.client.write(at, &position_rad.to_le_bytes()).map_err(sdo_message)?;
+            driver.client.write(at, &position_rad.to_le_bytes())?;
             format!("position set to {position_rad} rad")
         }
-        Action::Commission { measure, .. } if measure.is_requested() || trace.is_some() => {
-            if measure.is_requested() {
+        Action::Commission { measure, .. } if measure.measure || trace.is_some() => {
+            if measure.measure {
                 driver.measure_motor(measure, name, json)?;
             }
             if let Some(trace) = trace {
@@ -278,8 +267,7 @@ fn run_action(
             return driver.commission(*confirm, json).map(printed);
         }
         Action::Reset => {
-            let sent = driver.client.command(NmtCommand::ResetNode);
-            sent.map_err(|error| error.to_string())?;
+            driver.client.command(NmtCommand::ResetNode)?;
             "restart command sent".to_owned()
         }
     };
@@ -301,13 +289,17 @@ struct Driver {
     client: Client<Box<dyn Bus>>,
 }
 
-fn sdo_message(error: SdoError) -> String {
-    error.to_string()
+/// A refused change of the state.
+#[derive(Debug, thiserror::Error)]
+#[error("{refused}{remedies}")]
+struct NotRequested {
+    refused: SdoError,
+    remedies: String,
 }
 
-/// Adds to a refusal what ends the cause of each code that it names.
-fn with_remedies(refusal: &str) -> String {
-    let mut text = refusal.to_owned();
+/// Returns what ends the cause of each code that a refusal names.
+fn remedies(refusal: &str) -> String {
+    let mut text = String::new();
     for &code in Code::ALL {
         let name = code.info().name;
         if refusal.split([' ', ':']).any(|word| word == name) {
@@ -321,37 +313,30 @@ fn with_remedies(refusal: &str) -> String {
 }
 
 impl Driver {
-    fn number(&mut self, at_index: u16, place: u8) -> Result<u32, String> {
-        self.client.read_number(Address::new(at_index, place)).map_err(sdo_message)
+    fn number(&mut self, at_index: u16, place: u8) -> Result<u32> {
+        Ok(self.client.read_number(Address::new(at_index, place))?)
     }
 
     /// Reads the active parameter set. Staged values that were not committed are discarded.
-    fn read_set(&mut self) -> Result<ParameterSet, String> {
-        read_set(&mut self.client).map_err(|error| error.to_string())
-    }
-
-    /// Discards the staged values.
-    fn discard(&mut self) -> Result<(), String> {
-        self.client.write(Address::new(index::COMMIT, 4), &[1]).map_err(sdo_message)
-    }
-
-    /// Reads the staged parameter set. It equals the active set if nothing is staged.
-    fn read_staged(&mut self) -> Result<ParameterSet, String> {
-        read_staged(&mut self.client).map_err(|error| error.to_string())
+    fn read_set(&mut self) -> Result<ParameterSet> {
+        Ok(read_set(&mut self.client)?)
     }
 
     /// Stages a whole set and commits it. Returns its CRC.
-    fn commit(&mut self, set: &ParameterSet) -> Result<u32, String> {
-        write_set(&mut self.client, set).map_err(|error| error.to_string())
+    fn commit(&mut self, set: &ParameterSet) -> Result<u32> {
+        Ok(write_set(&mut self.client, set)?)
     }
 
-    fn get(&mut self, names: &[String], network: Option<&Path>, json: bool) -> Result<(), String> {
+    fn get(&mut self, names: &[String], network: Option<&Path>, json: bool) -> Result {
         let set = self.read_set()?;
         let joint = self.joint_kind()?;
         let beside = match (&set.network, network) {
             (Some(has), Some(path)) => Some(network::write(has, joint, path)?),
             (None, Some(path)) => {
-                return Err(format!("--network {}: the driver has no network", path.display()));
+                return Err(unfit(
+                    format!("--network {}", path.display()),
+                    "the driver has no network",
+                ));
             }
             (Some(_), None) if names.is_empty() => {
                 eprintln!(
@@ -381,55 +366,45 @@ impl Driver {
             all.iter().collect()
         } else {
             let found = names.iter().map(|name| {
-                let known = || all.iter().map(|entry| entry.0.clone()).collect::<Vec<_>>();
-                all.iter().find(|entry| entry.0 == *name).ok_or_else(|| unknown(name, &known()))
+                let known = || all.iter().map(|entry| entry.0.clone());
+                let entry = all.iter().find(|entry| entry.0 == *name);
+                entry.ok_or_else(|| NameError::unknown(name, known()))
             });
             found.collect::<Result<_, _>>()?
         };
-        let mut text = String::new();
-        if json {
-            let object: serde_json::Map<_, _> =
-                chosen.iter().map(|(name, value, _)| (name.clone(), value.clone())).collect();
-            text = pretty(&object)?;
-        } else {
-            for (name, _, value) in chosen {
-                text += &format!("{name} = {value}\n");
-            }
-        }
-        print_text(&text)
+        let object: serde_json::Map<_, _> =
+            chosen.iter().map(|(name, value, _)| (name.clone(), value.clone())).collect();
+        let text: String =
+            chosen.iter().map(|(name, _, value)| format!("{name} = {value}\n")).collect();
+        print_result(json, &object, &text)
     }
 
     /// Reads the kind of joint: revolute, unless a log of a prismatic joint was written to the driver.
-    fn joint_kind(&mut self) -> Result<JointKind, String> {
+    fn joint_kind(&mut self) -> Result<JointKind> {
         let kind = self.number(index::TRACE, TraceObject::JOINT_KIND)?;
         Ok(if kind == 0 { JointKind::Revolute } else { JointKind::Prismatic })
     }
 
     /// Reads a parameter file and checks that it is for the same kind of joint as the driver.
-    fn read_file(&mut self, path: &Path) -> Result<ParameterFile, String> {
-        let file = driver_file::read(path).map_err(|error| error.to_string())?;
+    fn read_file(&mut self, path: &Path) -> Result<ParameterFile> {
+        let file = driver_file::read(path)?;
         let driver = self.joint_kind()?;
         if file.joint == driver {
             return Ok(file);
         }
         let kind_name = |kind| if kind == JointKind::Revolute { "revolute" } else { "prismatic" };
-        Err(format!(
-            "{}: found a {} joint ({}), but the driver's joint is {} ({})",
-            path.display(),
+        let found = format!(
+            "found a {} joint ({}), but the driver's joint is {} ({})",
             kind_name(file.joint),
             file.joint.torque_unit(),
             kind_name(driver),
             driver.torque_unit()
-        ))
+        );
+        Err(unfit(path.display(), found))
     }
 
     /// Sets parameters from `NAME=VALUE` items and files. Returns a summary of the changes.
-    fn set(
-        &mut self,
-        what: &[String],
-        save: bool,
-        taken: &CompensatedArguments,
-    ) -> Result<String, String> {
+    fn set(&mut self, what: &[String], save: bool, taken: &CompensatedArguments) -> Result<String> {
         let before = self.read_set()?;
         let mut set = before.clone();
         let (mut settings, mut orders) = (Vec::new(), Vec::new());
@@ -454,9 +429,8 @@ impl Driver {
                     None => put(&mut set, name.trim(), value.trim())?,
                 },
                 None if !Path::new(item).exists() => {
-                    return Err(format!(
-                        "{item}: No such file; expected a parameter file or NAME=VALUE"
-                    ));
+                    let reason = "No such file; expected a parameter file or NAME=VALUE";
+                    return Err(unfit(item, reason));
                 }
                 None => {
                     let mut file = self.read_file(Path::new(item))?;
@@ -464,14 +438,13 @@ impl Driver {
                     if let Some(left_out) = file.left_out_in_words() {
                         eprintln!("note: {}", text_in_options(&left_out));
                     }
-                    let with_name = |error| format!("{item}: {error}");
-                    let network = for_driver(&file).map_err(with_name)?;
+                    let network = for_driver(&file).map_err(in_part(item))?;
                     driver_file::apply(&file, network, &mut set);
                 }
             }
         }
         // The driver runs the same check. Here the error uses the file's names, and the driver stays unchanged.
-        set.validate().map_err(|error| error.to_string())?;
+        set.validate()?;
         if let Some(error) = passivity_error(&set) {
             eprintln!(
                 "warning: allow_active: the law can supply energy, so compensation can keep the joint moving: {error}"
@@ -484,7 +457,7 @@ impl Driver {
         let mut active =
             if set == before { self.number(index::COMMIT, 1)? } else { self.commit(&set)? };
         let changes = settings.iter().map(|change| self.change_drive(change));
-        let mut changed = changes.collect::<Result<Vec<String>, String>>()?;
+        let mut changed = changes.collect::<Result<Vec<String>>>()?;
         for (order, name) in orders {
             changed.push(self.order_adaptation(order, name)?);
             active = self.number(index::COMMIT, 1)?;
@@ -503,43 +476,43 @@ impl Driver {
         Ok(format!("{changed} (crc {active:08x}, {kept})"))
     }
 
-    fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode, String> {
+    fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode> {
         let has = self.read_set()?;
         let mut wants = has.clone();
-        let with_path = |error| format!("{}: {error}", path.display());
         let file = self.read_file(path)?;
-        let network = for_driver(&file).map_err(with_path)?;
+        let network = for_driver(&file).map_err(in_part(path.display()))?;
         driver_file::apply(&file, network, &mut wants);
         let lines = differences(&has, &wants);
-        let text = if json {
-            let rows: Vec<_> = lines
+        let rows: Vec<_> = lines
+            .iter()
+            .map(|(name, has, wants)| json!({"name": name, "driver": has, "file": wants}))
+            .collect();
+        let text: String = match lines.is_empty() {
+            true => format!("no difference from {}\n", path.display()),
+            false => lines
                 .iter()
-                .map(|(name, has, wants)| json!({"name": name, "driver": has, "file": wants}))
-                .collect();
-            pretty(&rows)?
-        } else if lines.is_empty() {
-            format!("no difference from {}\n", path.display())
-        } else {
-            lines.iter().fold(String::new(), |text, (name, has, wants)| {
-                text + &format!("{name}: driver {has}, file {wants}\n")
-            })
+                .map(|(name, has, wants)| format!("{name}: driver {has}, file {wants}\n"))
+                .collect(),
         };
-        print_text(&text)?;
-        Ok(if lines.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+        print_result(json, &rows, &text)?;
+        Ok(ExitCode::from(u8::from(!lines.is_empty())))
     }
 
-    fn store(&mut self, at_index: u16, word: u32) -> Result<(), String> {
-        self.client.write(Address::new(at_index, 1), &word.to_le_bytes()).map_err(sdo_message)
+    fn store(&mut self, at_index: u16, word: u32) -> Result {
+        Ok(self.client.write(Address::new(at_index, 1), &word.to_le_bytes())?)
     }
 
     /// Requests a state change and returns the resulting state.
-    fn request(&mut self, request: u8) -> Result<String, String> {
+    fn request(&mut self, request: u8) -> Result<String> {
         let requested = self.client.write(Address::new(index::STATE, 1), &[request]);
-        requested.map_err(|error| with_remedies(&error.to_string()))?;
+        requested.map_err(|refused| {
+            let remedies = remedies(&refused.to_string());
+            NotRequested { refused, remedies }
+        })?;
         self.state().map(str::to_owned)
     }
 
-    fn state(&mut self) -> Result<&'static str, String> {
+    fn state(&mut self) -> Result<&'static str> {
         Ok(match self.number(index::STATE, 2)? {
             0 => "safe",
             1 => "armed",
@@ -555,11 +528,12 @@ mod tests {
 
     #[test]
     fn refusal_with_codes_states_what_ends_each_of_them() {
-        let text = with_remedies("refused: not armed: command-timeout can-bus-off");
+        let refusal = "refused: not armed: command-timeout can-bus-off";
+        let text = refusal.to_owned() + &remedies(refusal);
         for name in ["command-timeout", "can-bus-off"] {
             assert_eq!(text.matches(name).count(), 2, "the code and its remedy: {text}");
         }
         crate::snapshot::check("units-of-commands", "remedies of two codes", &text);
-        assert_eq!(with_remedies("no code: moving"), "no code: moving");
+        assert_eq!(remedies("no code: moving"), "");
     }
 }

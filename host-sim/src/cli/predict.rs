@@ -1,14 +1,14 @@
 //! `predict`: the torque of a fitted model on every row of a log.
 
+use super::error::{Result, found, in_part, unfit};
 use super::fit_arguments::FitArguments;
 use super::input::{DataArguments, LogArguments, LogInputs, MotionFrom};
 use super::network;
 use super::output::{OutputArguments, pretty, print_formatted, print_text, write_file};
-use super::predict_adapted::{self, AdaptArguments};
+use super::predict_adapted::{self, AdaptArguments, MAX_LISTED_RUNS};
 use super::progress::in_stages;
-use super::words::in_options;
 use crate::driver_file;
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Prepared;
 use friction_fit::Resolution;
 use friction_fit::params::ParameterFile;
 use friction_fit::prediction::{
@@ -65,12 +65,12 @@ enum Start {
 }
 
 /// Runs the command.
-pub fn run(arguments: &PredictArguments) -> Result<(), String> {
+pub fn run(arguments: &PredictArguments) -> Result {
     check_arguments(arguments)?;
     let default = OutputArguments::default().of_run("predict", &arguments.log.data);
     let file = arguments.out.clone().unwrap_or_else(|| default.folder().join(ROWS_FILE));
     let format = row_format(&file)?;
-    let model = driver_file::read(&arguments.params).map_err(|error| error.to_string())?;
+    let model = driver_file::read(&arguments.params)?;
     let mut log = arguments.log.clone();
     log.motion = log.motion.or(Some(match model.measurement.is_motion_logged {
         true => MotionFrom::Logged,
@@ -81,10 +81,8 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
         LogInputs::One(input) => input,
         LogInputs::Several(joints) => {
             let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
-            return Err(format!(
-                "predict: found the joints {}, expected one: select it with --where joint=NAME",
-                names.join(", ")
-            ));
+            let joints = format!("the joints {}", names.join(", "));
+            return Err(found("predict", joints, "one: select it with --where joint=NAME"));
         }
     };
     let options = PredictionOptions {
@@ -98,13 +96,11 @@ pub fn run(arguments: &PredictArguments) -> Result<(), String> {
             .map(|steps| Resolution { substeps: steps as usize, extrapolated: false }),
         of_driver: arguments.driver,
     };
-    let with_path = |error| format!("{}: {error}", arguments.params.display());
     let results = in_stages(arguments.log.threads, || {
         work::report_stage("predicting");
         let results = Results::compute(&model, &input.data, &options, arguments.adapt.options());
-        Ok::<_, Error>(results.map_err(with_path)?)
-    })
-    .map_err(in_options)?;
+        results.map_err(in_part(arguments.params.display()))
+    })?;
     let table = match &results.adapted {
         Some(adapted) => RowTable::adapted(&input.data, adapted),
         None => RowTable::new(&input.data, &results.predicted),
@@ -138,41 +134,42 @@ impl Results {
         data: &Dataset,
         options: &PredictionOptions,
         adapt: Option<AdaptationOptions>,
-    ) -> Result<Self, String> {
+    ) -> Result<Self> {
         let tracks = log_tracks(model, data)?;
         let fixed = |options| network::predict_tracks(model, data, &tracks, options);
         let as_exported = fixed(&PredictionOptions::AS_EXPORTED)?;
         let Some(adapt) = adapt else {
             return Ok(Self { predicted: fixed(options)?, as_exported, adapted: None });
         };
-        let adapted = predict_adapted(model, data, &tracks, options, &adapt)
-            .map_err(|error| format!("--adapt: {error}"))?;
+        let adapted =
+            predict_adapted(model, data, &tracks, options, &adapt).map_err(in_part("--adapt"))?;
         Ok(Self { predicted: adapted.prediction.clone(), as_exported, adapted: Some(adapted) })
     }
 }
 
 /// Rejects a result file that is one of the inputs.
-fn check_arguments(arguments: &PredictArguments) -> Result<(), String> {
+fn check_arguments(arguments: &PredictArguments) -> Result {
     let same_as_out = |input: &&PathBuf| {
         let out = arguments.out.as_ref().and_then(|out| out.canonicalize().ok());
         out.is_some() && input.canonicalize().ok() == out
     };
     match arguments.log.data.iter().chain([&arguments.params]).find(same_as_out) {
         Some(input) => {
-            Err(format!("--out: {} is an input, expected another file", input.display()))
+            let reason = format!("{} is an input, expected another file", input.display());
+            Err(unfit("--out", reason))
         }
         None => Ok(()),
     }
 }
 
-fn row_format(file: &Path) -> Result<TableFormat, String> {
+fn row_format(file: &Path) -> Result<TableFormat> {
     match file.extension().and_then(|name| name.to_str()) {
         Some("parquet") => Ok(TableFormat::Parquet),
         Some("csv") => Ok(TableFormat::Csv),
-        _ => Err(format!(
-            "--out: found {}, expected a name ending in .parquet or .csv",
-            file.display()
-        )),
+        _ => {
+            let expected = "a name ending in .parquet or .csv";
+            Err(found("--out", file.display().to_string(), expected))
+        }
     }
 }
 
@@ -186,7 +183,7 @@ fn document(
     input: &Prepared,
     results: &Results,
     start: &str,
-) -> Result<String, String> {
+) -> Result<String> {
     let Results { predicted, as_exported, adapted } = results;
     let runs: Vec<_> = predicted
         .run_metrics(&input.data)
@@ -202,9 +199,6 @@ fn document(
     }
     pretty(&document)
 }
-
-/// Most runs that the terminal lists.
-const MAX_LISTED_RUNS: usize = 12;
 
 fn text(file: &Path, model: &ParameterFile, input: &Prepared, results: &Results) -> String {
     let Results { predicted, as_exported, adapted } = results;
@@ -230,7 +224,7 @@ fn text(file: &Path, model: &ParameterFile, input: &Prepared, results: &Results)
         runs.sort_by(|a, b| b.1.rmse.total_cmp(&a.1.rmse));
         let worst = runs.iter().take(MAX_LISTED_RUNS);
         let listed: Vec<String> =
-            worst.map(|(run, own)| format!("{run} {}", significant(own.rmse, 3))).collect();
+            worst.map(|(run, metrics)| format!("{run} {}", significant(metrics.rmse, 3))).collect();
         let more = if runs.len() > MAX_LISTED_RUNS { ", .." } else { "" };
         text += &format!("RMSE of each run, largest first: {}{more}\n", listed.join(", "));
     }

@@ -1,5 +1,6 @@
 //! `predict --adapt`: its options, and the errors with and without gains that follow the log.
 
+use super::values::expected;
 use compensator_core::Quantity;
 use compensator_core::adaptation::{AdaptationParameters, Frozen};
 use friction_fit::Metrics;
@@ -7,6 +8,7 @@ use friction_fit::prediction::{AdaptationOptions, AdaptedPrediction};
 use joint_log::number::significant;
 use joint_log::{Dataset, JointKind};
 use serde_json::{Map, Value, json};
+use std::error::Error;
 
 /// Arguments of `predict --adapt`.
 #[derive(clap::Args, Clone, Copy, Debug)]
@@ -37,27 +39,23 @@ impl AdaptArguments {
 }
 
 /// Parses a memory, s.
-fn memory_s(text: &str) -> Result<f64, String> {
+fn memory_s(text: &str) -> Result<f64, Box<dyn Error + Send + Sync>> {
     let memory_s = joint_log::parse_value("time_s", text)
-        .map_err(|_| "expected a time with its unit, such as 20s".to_owned())?;
-    checked(AdaptationParameters { memory_s: memory_s as f32, ..Default::default() })?;
+        .map_err(|_| expected("a time with its unit, such as 20s"))?;
+    AdaptationParameters { memory_s: memory_s as f32, ..Default::default() }.validate()?;
     Ok(memory_s)
 }
 
 /// Parses a least and a largest gain.
-fn gain_range(text: &str) -> Result<GainRange, String> {
+fn gain_range(text: &str) -> Result<GainRange, Box<dyn Error + Send + Sync>> {
     let bounds = text.split_once(':').and_then(|(least, largest)| {
         let number = |text: &str| text.trim().parse::<f64>().ok();
         Some([number(least)?, number(largest)?])
     });
-    let bounds = bounds.ok_or("expected a least and a largest gain, such as 0.4:2.5")?;
+    let bounds = bounds.ok_or_else(|| expected("a least and a largest gain, such as 0.4:2.5"))?;
     let [least_gain, largest_gain] = bounds.map(|bound| bound as f32);
-    checked(AdaptationParameters { least_gain, largest_gain, ..Default::default() })?;
+    AdaptationParameters { least_gain, largest_gain, ..Default::default() }.validate()?;
     Ok(GainRange(bounds))
-}
-
-fn checked(parameters: AdaptationParameters) -> Result<(), String> {
-    parameters.validate().map_err(|error| error.to_string())
 }
 
 /// Returns the gain with this number in every row that has one.
@@ -129,7 +127,7 @@ pub fn document(adapted: &AdaptedPrediction, data: &Dataset) -> Value {
 }
 
 /// Most runs that the terminal lists.
-const MAX_LISTED_RUNS: usize = 12;
+pub const MAX_LISTED_RUNS: usize = 12;
 
 /// Returns the lines of the text output, for a torque in this unit.
 pub fn text(adapted: &AdaptedPrediction, data: &Dataset, unit: &str) -> String {

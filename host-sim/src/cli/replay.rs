@@ -1,14 +1,15 @@
 //! `replay`: replays a CAN trace to a joint driver and compares every answer with the core, bit for bit.
 
 use super::bus::BusArguments;
+use super::error::Result;
 use super::network;
-use super::output::{OutputArguments, pretty, print_text};
+use super::output::{OutputArguments, pretty, print_result};
 use super::progress::{announce, counted_progress, duration_in_words};
+use super::values::{Expected, number, one_of};
 use crate::driver_file;
 use firmware::hil::NumberType;
 use firmware::level_learner::{OFF, ON};
-use joint_bus::bus::{BusName, FaultInjector, FaultPlan, Faults, Hub};
-use joint_bus::joint::JointNode;
+use joint_bus::bus::{FaultInjector, FaultPlan, Faults};
 use joint_bus::replay::play::ReplayProgress;
 use joint_bus::replay::real_time::request_real_time;
 use joint_bus::replay::report::ReplayDescription;
@@ -29,12 +30,12 @@ pub struct ReplayArguments {
     #[arg(long, value_name = "PARAMS.TOML")]
     params: Option<PathBuf>,
     /// Number type the driver computes with; by default its current one
-    #[arg(long, value_name = "NUMBER")]
-    number: Option<NumberArgument>,
+    #[arg(long, value_name = "NUMBER", value_parser = one_of(NUMBERS))]
+    number: Option<NumberType>,
     /// Adaptation of the friction levels (2044h): the driver and the PC learn from the torques of the trace; by default as the
     /// driver is set
-    #[arg(long, value_name = "MODE")]
-    adaptation: Option<AdaptationArgument>,
+    #[arg(long, value_name = "MODE", value_parser = one_of(ADAPTATIONS))]
+    adaptation: Option<u8>,
     /// Time between two SYNC frames, s; by default that of the trace
     #[arg(long, value_name = "S")]
     period: Option<f32>,
@@ -50,53 +51,43 @@ pub struct ReplayArguments {
     output: OutputArguments,
 }
 
-/// Number type that a driver computes with.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum NumberArgument {
-    /// f32
-    F32,
-    /// Fixed point, 20 fractional bits
-    Fixed,
-}
+/// Number types that a driver computes with.
+const NUMBERS: [(&str, &str, NumberType); 2] = [
+    ("f32", "f32", NumberType::Float),
+    ("fixed", "Fixed point, 20 fractional bits", NumberType::Fixed),
+];
 
-/// Mode of the adaptation.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum AdaptationArgument {
-    /// The set applies
-    Off,
-    /// The driver learns gains on its set
-    On,
-}
+/// Modes of the adaptation.
+const ADAPTATIONS: [(&str, &str, u8); 2] =
+    [("off", "The set applies", OFF), ("on", "The driver learns gains on its set", ON)];
 
-fn rate(text: &str) -> Result<Rate, String> {
+fn rate(text: &str) -> Result<Rate, Expected> {
     if text == "max" {
         return Ok(Rate::Max);
     }
-    let number = text.trim_end_matches('x').parse::<f64>().ok();
-    let legal = number.filter(|times| times.is_finite() && *times > 0.0);
-    legal.map(Rate::Times).ok_or_else(|| "expected 1, a number above 0, or max".to_owned())
+    let expected = "1, a number above 0, or max";
+    number(text.trim_end_matches('x'), |times| *times > 0.0, expected).map(Rate::Times)
 }
 
-fn faults(text: &str) -> Result<Faults, String> {
+/// A share of faults that is not accepted.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}: expected drop, duplicate, corrupt, delay or reorder = SHARE from 0 to 1")]
+struct UnfitFault(String);
+
+fn faults(text: &str) -> Result<Faults, UnfitFault> {
     let mut faults = Faults { longest_delay_ns: 2_000_000, ..Faults::default() };
     for part in text.split(',') {
-        let expected = || {
-            format!(
-                "{part}: expected drop, duplicate, corrupt, delay or reorder = SHARE from 0 to 1"
-            )
-        };
-        let (name, share) = part.split_once('=').ok_or_else(expected)?;
-        let share: f64 = share.trim().parse().map_err(|_| expected())?;
-        if !(0.0..=1.0).contains(&share) {
-            return Err(expected());
-        }
+        let unfit = || UnfitFault(part.to_owned());
+        let (name, share) = part.split_once('=').ok_or_else(unfit)?;
+        let is_share = |share: &f64| (0.0..=1.0).contains(share);
+        let share = number(share, is_share, "").map_err(|_| unfit())?;
         match name.trim() {
             "drop" => faults.drop = share,
             "duplicate" => faults.duplicate = share,
             "corrupt" => faults.corrupt = share,
             "delay" => faults.delay = share,
             "reorder" => faults.reorder = share,
-            _ => return Err(expected()),
+            _ => return Err(unfit()),
         }
     }
     Ok(faults)
@@ -123,43 +114,31 @@ fn announcement(samples: u64, recorded_s: f64, rate: Rate, is_virtual: bool) -> 
 }
 
 /// Runs the command. Returns exit code 1 if an answer differs or is missing.
-pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
-    let words = |error: &dyn std::error::Error| error.to_string();
+pub fn run(arguments: &ReplayArguments) -> Result<ExitCode> {
     let node = arguments.bus.node_id;
-    let plan = Plan::read(&arguments.trace, node).map_err(|error| words(&error))?;
-    let file = arguments.params.as_deref().map(driver_file::read).transpose();
-    let file = file.map_err(|error| words(&error))?;
+    let plan = Plan::read(&arguments.trace, node)?;
+    let file = arguments.params.as_deref().map(driver_file::read).transpose()?;
     let network = file.as_ref().map(network::for_driver).transpose()?.flatten();
-    let hub = Hub::new();
-    if arguments.bus.bus == BusName::Loop {
-        let joint = JointNode::start(node, None).map_err(|error| words(&error))?;
-        hub.attach(joint);
-    }
+    let hub = arguments.bus.hub_with_driver()?;
     let mut bus = arguments.bus.open(&hub)?;
     // The set-up runs without faults, because only the replay is under test.
     let mut client = arguments.bus.client(&mut bus)?;
     let setup = ReplaySetup {
         friction: file.map(|file| file.friction()),
         network,
-        number: arguments.number.map(|number| match number {
-            NumberArgument::F32 => NumberType::Float,
-            NumberArgument::Fixed => NumberType::Fixed,
-        }),
+        number: arguments.number,
         period_s: arguments.period.unwrap_or(plan.period_s as f32),
-        adaptation: arguments.adaptation.map(|mode| match mode {
-            AdaptationArgument::Off => OFF,
-            AdaptationArgument::On => ON,
-        }),
+        adaptation: arguments.adaptation,
     };
-    let core = set_up(&mut client, node, &setup).map_err(|error| words(&error))?;
+    let core = set_up(&mut client, node, &setup)?;
     let setup = core.setup();
     let recorded_s = plan.frames.last().map_or(0.0, |frame| frame.due_ns as f64 * 1e-9);
-    let is_virtual = arguments.bus.bus == BusName::Loop;
+    let is_virtual = arguments.bus.is_loop();
     announce(&announcement(plan.samples, recorded_s, arguments.rate, is_virtual));
     let bar = counted_progress("replaying", "samples", plan.samples);
     let mut report_progress = |progress: ReplayProgress| bar.set_position(progress.samples);
     let check = Check::new(node, core);
-    let keeps_time = arguments.bus.bus != BusName::Loop && arguments.rate != Rate::Max;
+    let keeps_time = !is_virtual && arguments.rate != Rate::Max;
     let raised_priority = keeps_time && request_real_time();
     let played = match arguments.faults {
         Some(faults) => {
@@ -170,37 +149,35 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode, String> {
         None => play(&mut bus, &plan, arguments.rate, check, &mut report_progress),
     };
     bar.finish_and_clear();
-    let played = played.map_err(|error| words(&error))?;
+    let played = played?;
     // Disarm the driver, as it was before. The report shows a driver that stopped answering.
     let mut client = arguments.bus.client(&mut bus)?;
     let at = canopen_rs::Address::new(firmware::node::dictionary::index::STATE, 1);
     let disarmed = client.write(at, &[0]);
 
-    let (trace, name) = (arguments.trace.display().to_string(), arguments.bus.bus.to_string());
     let about = ReplayDescription {
-        trace: &trace,
-        bus: &name,
+        trace: arguments.trace.display().to_string(),
+        bus: arguments.bus.bus.to_string(),
         node: node.number(),
         number: if setup.number == NumberType::Float { "f32" } else { "fixed" },
         clock: arguments.bus.clock(),
         raised_priority,
         period_s: setup.period_s,
-        rate: arguments.rate,
+        rate: match arguments.rate {
+            Rate::Times(times) => Some(times),
+            Rate::Max => None,
+        },
         is_virtual,
         bit_rate: arguments.bus.bit_rate.bits_per_second(),
     };
-    let report = ReplayReport::new(&about, &plan, played);
+    let report = ReplayReport::new(about, &plan, played);
     let json = pretty(&report)?;
     arguments.output.write(&[("replay.json", json.as_str())])?;
-    if arguments.output.json {
-        print_text(&json)?;
-    } else {
-        print_text(&report.text())?;
-    }
+    print_result(arguments.output.json, &report, &report.text())?;
     if report.holds {
-        disarmed.map_err(|error| words(&error))?;
+        disarmed?;
     }
-    Ok(if report.holds { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(ExitCode::from(u8::from(!report.holds)))
 }
 
 #[cfg(test)]

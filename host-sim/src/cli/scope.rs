@@ -4,17 +4,19 @@
 //! and fro.
 
 use super::bus::BusArguments;
+use super::error::{Result, found, in_part, unfit};
+use super::interrupt;
 use super::output::{OutputArguments, print_formatted, print_text};
 use super::table;
+use super::values::{Expected, expected, number};
 use crate::moving_joint;
 use clap::Args;
 use firmware::control::PERIOD_S;
 use firmware::scope::{MAX_SIGNALS, Signal};
 use friction_results::scope::{ScopeCapture, ScopeResult};
-use joint_bus::bus::{Bus, BusName, Hub};
+use joint_bus::bus::{Bus, Hub};
 use joint_bus::canopen::Client;
 use joint_bus::scope::{ScopeError, ScopeRequest, ScopeTrigger, capture};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Arguments of `scope`.
@@ -50,47 +52,38 @@ pub struct ScopeArguments {
     output: OutputArguments,
 }
 
-fn signal(text: &str) -> Result<Signal, String> {
+fn signal(text: &str) -> Result<Signal, Expected> {
     Signal::from_name(text).ok_or_else(|| {
         let names: Vec<&str> = Signal::ALL.iter().map(|(_, name)| *name).collect();
-        format!("expected one of {}", names.join(", "))
+        expected(format!("one of {}", names.join(", ")))
     })
 }
 
-fn number(text: &str) -> Option<f64> {
-    text.trim().parse::<f64>().ok().filter(|number| number.is_finite())
-}
-
-fn rate(text: &str) -> Result<f64, String> {
+fn rate(text: &str) -> Result<f64, Expected> {
     let most = 1.0 / f64::from(PERIOD_S);
     let least = most / f64::from(u16::MAX);
-    number(text)
-        .filter(|rate| (least..=most.round()).contains(rate))
-        .ok_or_else(|| format!("expected {least:.1} to {most:.0}"))
+    let expected = format!("{least:.1} to {most:.0}");
+    number(text, |rate| (least..=most.round()).contains(rate), expected)
 }
 
-fn share(text: &str) -> Result<f64, String> {
-    number(text)
-        .filter(|share| (0.0..=0.95).contains(share))
-        .ok_or_else(|| "expected 0 to 0.95".to_owned())
+fn share(text: &str) -> Result<f64, Expected> {
+    number(text, |share| (0.0..=0.95).contains(share), "0 to 0.95")
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    number(text)
-        .filter(|time| (0.0..=1e6).contains(time))
-        .ok_or_else(|| "expected 0 to 1000000".to_owned())
+fn seconds(text: &str) -> Result<f64, Expected> {
+    number(text, |time| (0.0..=1e6).contains(time), "0 to 1000000")
 }
 
-fn trigger(text: &str) -> Result<ScopeTrigger, String> {
-    let expected = || "expected now, fault, NAME>LEVEL or NAME<LEVEL".to_owned();
+fn trigger(text: &str) -> Result<ScopeTrigger, Expected> {
+    const EXPECTED: &str = "now, fault, NAME>LEVEL or NAME<LEVEL";
     match text {
         "now" => return Ok(ScopeTrigger::Now),
         "fault" => return Ok(ScopeTrigger::Fault),
         _ => {}
     }
-    let at = text.find(['<', '>']).ok_or_else(expected)?;
+    let at = text.find(['<', '>']).ok_or_else(|| expected(EXPECTED))?;
     let (name, level) = text.split_at(at);
-    let level_number = number(&level[1..]).ok_or_else(expected)?;
+    let level_number = number(&level[1..], |_| true, EXPECTED)?;
     Ok(ScopeTrigger::Level {
         signal: signal(name.trim())?,
         level: level_number as f32,
@@ -108,21 +101,21 @@ fn trigger_in_words(trigger: ScopeTrigger) -> String {
     }
 }
 
-static STOPPED: AtomicBool = AtomicBool::new(false);
-
 /// Runs the command.
-pub fn run(arguments: &ScopeArguments) -> Result<(), String> {
+pub fn run(arguments: &ScopeArguments) -> Result {
     let request = request(arguments)?;
-    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed))
-        .map_err(|error| format!("Ctrl-C: {error}"))?;
-    let is_loop = arguments.bus.bus == BusName::Loop;
-    let hub = if is_loop { moving_joint::start(arguments.bus.node_id)? } else { Hub::new() };
-    let bus = arguments.bus.open(&hub)?;
-    let mut client = arguments.bus.client(bus)?;
+    let is_stopped = interrupt::flag()?;
+    let is_loop = arguments.bus.is_loop();
+    let mut hub = Hub::new();
+    if is_loop {
+        arguments.bus.check_first_node("--bus loop")?;
+        hub = moving_joint::start()?;
+    }
+    let mut client = arguments.bus.client(arguments.bus.open(&hub)?)?;
     if is_loop {
         moving_joint::bring_up(&mut client)?;
     }
-    let captures = record(&mut client, &request, arguments.captures)?;
+    let captures = record(&mut client, &request, arguments.captures, is_stopped)?;
     let name = if is_loop { "simulated joint".to_owned() } else { arguments.bus.bus.to_string() };
     let result = ScopeResult {
         signals: request.signals.iter().map(|signal| signal.name().to_owned()).collect(),
@@ -148,18 +141,19 @@ pub fn run(arguments: &ScopeArguments) -> Result<(), String> {
 }
 
 /// Checks the arguments and returns the capture to make.
-fn request(arguments: &ScopeArguments) -> Result<ScopeRequest, String> {
+fn request(arguments: &ScopeArguments) -> Result<ScopeRequest> {
     let signals = arguments.signals.clone();
     if signals.len() > MAX_SIGNALS {
-        return Err(format!("--signals: found {}, expected 1 to {MAX_SIGNALS}", signals.len()));
+        let expected = format!("1 to {MAX_SIGNALS}");
+        return Err(found("--signals", signals.len().to_string(), expected));
     }
     if let Some(twice) = signals.iter().enumerate().find(|(at, one)| signals[..*at].contains(one)) {
-        return Err(format!("--signals: {} is given twice", twice.1.name()));
+        return Err(unfit("--signals", format!("{} is given twice", twice.1.name())));
     }
     if let ScopeTrigger::Level { signal, .. } = arguments.trigger
         && !signals.contains(&signal)
     {
-        return Err(format!("--trigger: {} is not one of --signals", signal.name()));
+        return Err(unfit("--trigger", format!("{} is not one of --signals", signal.name())));
     }
     let has_trigger = arguments.trigger != ScopeTrigger::Now;
     Ok(ScopeRequest {
@@ -175,18 +169,19 @@ fn record(
     client: &mut Client<Box<dyn Bus>>,
     request: &ScopeRequest,
     count: u16,
-) -> Result<Vec<ScopeCapture>, String> {
+    is_stopped: impl Fn() -> bool,
+) -> Result<Vec<ScopeCapture>> {
     let mut captures = Vec::new();
     for number in 1..=count {
-        let made = capture(client, request, || STOPPED.load(Ordering::Relaxed));
+        let made = capture(client, request, &is_stopped);
         match made {
             Ok(made) => {
                 captures.push(ScopeCapture { columns: made.columns, trigger_row: made.trigger_row })
             }
             // What is complete is kept.
             Err(ScopeError::Stopped) if !captures.is_empty() => break,
-            Err(error) if count > 1 => return Err(format!("capture {number}: {error}")),
-            Err(error) => return Err(error.to_string()),
+            Err(error) if count > 1 => return Err(in_part(format!("capture {number}"))(error)),
+            Err(error) => return Err(error.into()),
         }
     }
     Ok(captures)

@@ -1,6 +1,8 @@
 //! `sign`: makes a key pair, or a file of signed packages for `update` from the images of a release.
 
+use super::error::{Result, in_file};
 use super::output::print_text;
+use super::values::{Expected, expected};
 use firmware::update::package::{Header, Version};
 use joint_bus::program::key;
 use joint_bus::program::package::{Package, Release, read_image};
@@ -31,14 +33,25 @@ pub struct SignArguments {
     json: bool,
 }
 
-fn version(text: &str) -> Result<Version, String> {
-    Version::parse(text).ok_or_else(|| "expected MAJOR.MINOR.PATCH, such as 1.2.0".to_owned())
+fn version(text: &str) -> Result<Version, Expected> {
+    Version::parse(text).ok_or_else(|| expected("MAJOR.MINOR.PATCH, such as 1.2.0"))
+}
+
+/// Reason why nothing is signed.
+#[derive(Debug, thiserror::Error)]
+enum SignError {
+    #[error("sign needs --key")]
+    NoKey,
+    #[error(
+        "the images are linked for the same slot or for other boards; expected one of `cargo firmware` and one of `cargo firmware-b`"
+    )]
+    MixedImages,
 }
 
 /// Runs the command.
-pub fn run(arguments: &SignArguments) -> Result<(), String> {
+pub fn run(arguments: &SignArguments) -> Result {
     if let Some(path) = &arguments.new_key {
-        let public = key::create(path).map_err(|error| error.to_string())?;
+        let public = key::create(path)?;
         let (private, public) = (path.display().to_string(), public.display().to_string());
         if arguments.json {
             return print_text(
@@ -49,20 +62,18 @@ pub fn run(arguments: &SignArguments) -> Result<(), String> {
             "written: {private}, {public}\nnote: keep the private key offline; its holder can install any program\n"
         ));
     }
-    let Some(key) = &arguments.key else { return Err("sign needs --key".to_owned()) };
-    let key = key::read(key).map_err(|error| error.to_string())?;
+    let key = key::read(arguments.key.as_ref().ok_or(SignError::NoKey)?)?;
     let mut packages = Vec::new();
     for image in &arguments.images {
-        let code = read_image(image).map_err(|error| error.to_string())?;
+        let code = read_image(image)?;
         packages.push(Package::sign(&code, arguments.version, &key));
     }
-    let release = Release::new(packages)
-        .ok_or("the images are linked for the same slot or for other boards; expected one of `cargo firmware` and one of `cargo firmware-b`")?;
+    let release = Release::new(packages).ok_or(SignError::MixedImages)?;
     let is_published = key::is_published(&key);
     let default = if is_published { "joint-test-key.package" } else { "joint.package" };
     let out = arguments.out.clone().unwrap_or_else(|| default.into());
     let bytes = release.to_bytes();
-    std::fs::write(&out, &bytes).map_err(|error| format!("{}: {error}", out.display()))?;
+    std::fs::write(&out, &bytes).map_err(in_file(&out))?;
     let out = out.display().to_string();
     print_text(&(described(arguments, &out, &release, is_published) + "\n"))
 }

@@ -3,10 +3,11 @@
 //! Without `--hide`, load and pressure act on the joint as in the model of Ding et al. With `--hide`, a random campaign
 //! contains none, one or two hidden effects that a diagnosis has to find.
 
-#[cfg(not(feature = "papers"))]
+use super::error::{Result, in_part};
 use super::missing_feature::refusal;
 use super::output::{OutputArguments, pretty, print_text};
 use super::progress::spinner;
+use super::values::{Expected, number, one_of};
 use crate::simulated;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use joint_log::{EmitOptions, emit};
@@ -48,8 +49,8 @@ pub struct SimulateArguments {
     #[arg(long)]
     steady: bool,
     /// Format of the CAN trace: candump (trace.log), Vector (trace.asc) or PEAK (trace.trc)
-    #[arg(long, value_name = "FORMAT", value_enum, default_value_t = TraceFormat::Candump)]
-    format: TraceFormat,
+    #[arg(long, value_name = "FORMAT", value_parser = formats(), default_value = "candump")]
+    format: TextFormat,
     /// Replace the files of another simulation in the folder
     ///
     /// Without it, the command ends with an error if a file that it would write exists with other contents. The same command
@@ -60,61 +61,51 @@ pub struct SimulateArguments {
     output: OutputArguments,
 }
 
-/// Formats of a CAN trace.
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-enum TraceFormat {
-    /// `candump -L`.
-    Candump,
-    /// Vector's ASC.
-    Asc,
-    /// PEAK's TRC 2.1.
-    Trc,
+/// Returns the parser of the format of a CAN trace.
+fn formats() -> impl TypedValueParser<Value = TextFormat> {
+    one_of([
+        ("candump", "`candump -L`", TextFormat::Candump),
+        ("asc", "Vector's ASC", TextFormat::Asc),
+        ("trc", "PEAK's TRC 2.1", TextFormat::Trc),
+    ])
 }
 
-impl From<TraceFormat> for TextFormat {
-    fn from(format: TraceFormat) -> Self {
-        match format {
-            TraceFormat::Candump => Self::Candump,
-            TraceFormat::Asc => Self::Asc,
-            TraceFormat::Trc => Self::Trc,
-        }
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number <= 1e6 => Ok(number),
-        _ => Err("expected a number above 0 and at most 1e6".into()),
-    }
+fn positive(text: &str) -> Result<f64, Expected> {
+    let is_positive = |number: &f64| *number > 0.0 && *number <= 1e6;
+    number(text, is_positive, "a number above 0 and at most 1e6")
 }
 
 /// The machines of the papers, by name, which need the feature `papers`.
 #[cfg(any(test, not(feature = "papers")))]
 const PAPER_MACHINES: [&str; 2] = ["damper", "manipulator"];
 
-/// Returns the parser of the machine's name; the help lists every machine with its description.
 #[cfg(feature = "papers")]
-fn simulations() -> impl TypedValueParser<Value = &'static Simulation> {
-    let all = || SIMULATIONS.iter().chain(paper_machines::SIMULATIONS);
-    let values = all().map(|of| PossibleValue::new(of.name).help(of.about));
-    PossibleValuesParser::new(values)
-        .try_map(move |name| all().find(|of| of.name == name).ok_or("no such simulation"))
+fn machines() -> impl Iterator<Item = &'static Simulation> + Clone {
+    SIMULATIONS.iter().chain(paper_machines::SIMULATIONS)
 }
 
-/// Returns the parser of the machine's name; it refuses the machines of the papers.
 #[cfg(not(feature = "papers"))]
+fn machines() -> impl Iterator<Item = &'static Simulation> + Clone {
+    SIMULATIONS.iter()
+}
+
+/// Returns the parser of the machine's name; the help lists every machine with its description. A build without the feature
+/// `papers` refuses the machines of the papers.
 fn simulations() -> impl TypedValueParser<Value = &'static Simulation> {
-    let values = SIMULATIONS.iter().map(|of| PossibleValue::new(of.name).help(of.about));
-    let missing = PAPER_MACHINES
-        .map(|name| PossibleValue::new(name).help("Needs a build with the feature `papers`"));
-    PossibleValuesParser::new(values.chain(missing)).try_map(|name| {
-        let found = SIMULATIONS.iter().find(|of| of.name == name);
-        found.ok_or_else(|| refusal(&format!("simulate {name}"), "papers"))
+    let values = machines().map(|of| PossibleValue::new(of.name).help(of.about));
+    #[cfg(not(feature = "papers"))]
+    let values = values.chain(
+        PAPER_MACHINES
+            .map(|name| PossibleValue::new(name).help("Needs a build with the feature `papers`")),
+    );
+    PossibleValuesParser::new(values).try_map(|name| {
+        let found = machines().find(|of| of.name == name);
+        found.ok_or_else(|| refusal(format!("simulate {name}"), "papers"))
     })
 }
 
 /// Runs the command.
-pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
+pub fn run(arguments: &SimulateArguments) -> Result {
     let request = Request {
         seed: arguments.seed,
         runs: arguments.runs.map(|runs| runs as usize),
@@ -129,9 +120,9 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), String> {
     let Simulated { log, csv, truth, hidden } = arguments.scenario.simulate(&request)?;
     let json = pretty(&truth)?;
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
-    let format = TextFormat::from(arguments.format);
+    let format = arguments.format;
     let name = format!("trace.{}", format.extension());
-    let trace = trace(&log, format).map_err(|error| format!("{name}: {error}"))?;
+    let trace = trace(&log, format).map_err(in_part(&name))?;
     files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_str())));
     if !arguments.force {
         arguments.output.refuse_other_contents(&files)?;
@@ -156,7 +147,7 @@ const MAX_TRACED_ROWS: usize = 2_000_000;
 
 /// Returns the CAN trace of the log. Returns `None` for a log of several joints, because a trace holds the frames of one
 /// driver, and for a log with more than [`MAX_TRACED_ROWS`] rows.
-fn trace(log: &Log, format: TextFormat) -> Result<Option<String>, String> {
+fn trace(log: &Log, format: TextFormat) -> Result<Option<String>> {
     let is_one_joint = log.columns.iter().any(|name| ["torque_nm", "force_n"].contains(&&**name));
     if log.rows() > MAX_TRACED_ROWS || !is_one_joint {
         return Ok(None);
@@ -165,8 +156,8 @@ fn trace(log: &Log, format: TextFormat) -> Result<Option<String>, String> {
     let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, format, ..EmitOptions::default() };
     let mut trace = Vec::new();
-    emit(data, &options, &mut trace).map_err(|error| error.to_string())?;
-    String::from_utf8(trace).map(Some).map_err(|error| error.to_string())
+    emit(data, &options, &mut trace)?;
+    Ok(Some(String::from_utf8(trace)?))
 }
 
 #[cfg(all(test, feature = "papers"))]

@@ -1,14 +1,16 @@
 //! `tune`: tunes a joint over the bus, and keeps new parameters only if they are proven to gain.
 
 use super::bus::BusArguments;
+use super::error::{Refusal, Result, in_file, in_part};
 use super::joint_on_bus::{JointArguments, MotionArguments, start_hub};
-use super::output::{OutputArguments, print_message, print_text};
+use super::output::{OutputArguments, is_answered_yes, print_message, print_text};
 use super::tune_from::{ForeignArguments, run_foreign};
+use super::values::{Expected, number};
 use clap::Args;
 use friction_results::tune::{TuneGain, TuneOutcome, TuneParts};
-use joint_bus::bus::BusName;
+use joint_tuning::trial_set::UndoError;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser, motion, trial_set, tune};
-use std::io::{BufRead, IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -43,9 +45,8 @@ pub struct TuneArguments {
     output: OutputArguments,
 }
 
-fn minutes(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| (1.0..=60.0).contains(number));
-    number.ok_or_else(|| "expected 1 to 60".to_owned())
+fn minutes(text: &str) -> Result<f64, Expected> {
+    number(text, |minutes| (1.0..=60.0).contains(minutes), "1 to 60")
 }
 
 /// The user at a terminal.
@@ -63,16 +64,10 @@ impl TuneUser for Terminal {
             return true;
         }
         if !std::io::stdin().is_terminal() {
-            print_message(&format!(
-                "{what} Standard input is not a terminal: use --yes to confirm"
-            ));
+            print_message(&Refusal::NoTerminal(what.to_owned()).to_string());
             return false;
         }
-        eprint!("{what} [y/N] ");
-        let _ = std::io::stderr().flush();
-        let mut answer = String::new();
-        let read = std::io::stdin().lock().read_line(&mut answer);
-        read.is_ok() && matches!(answer.trim(), "y" | "Y" | "yes")
+        is_answered_yes(what).unwrap_or(false)
     }
 
     fn progress(&mut self, line: &str) {
@@ -83,7 +78,7 @@ impl TuneUser for Terminal {
 }
 
 /// Runs the command.
-pub fn run(arguments: &TuneArguments) -> Result<ExitCode, String> {
+pub fn run(arguments: &TuneArguments) -> Result<ExitCode> {
     if arguments.foreign.from.is_some() {
         return run_foreign(&arguments.foreign, &arguments.output);
     }
@@ -91,7 +86,7 @@ pub fn run(arguments: &TuneArguments) -> Result<ExitCode, String> {
     let motion = arguments.motion.as_ref().map(|path| read_motion(path, &limits)).transpose()?;
     let hub = start_hub(&arguments.bus, &arguments.joint)?;
     let client = arguments.bus.client(arguments.bus.open(&hub)?)?;
-    let name = format!("node {} on {}", arguments.bus.node_id.number(), arguments.bus.bus);
+    let name = arguments.bus.joint_name();
     if arguments.undo {
         return undo(client, &name, arguments.output.json);
     }
@@ -104,35 +99,33 @@ pub fn run(arguments: &TuneArguments) -> Result<ExitCode, String> {
         allow_active: arguments.allow_active,
         seed: arguments.joint.seed(),
         joint: name,
-        is_simulated: arguments.bus.bus == BusName::Loop,
+        is_simulated: arguments.bus.is_loop(),
         now_s: now.as_secs(),
     };
     let interrupted = super::interrupt::flag()?;
     let mut user =
         Terminal { yes: arguments.yes || options.is_simulated, quiet: arguments.output.json };
-    let session =
-        tune(client, &options, interrupted, &mut user).map_err(|error| error.to_string())?;
+    let session = tune(client, &options, interrupted, &mut user)?;
     write(&session, &arguments.output.of_command("tune"))?;
     Ok(if session.is_saved() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// Reads the motion of a file.
-pub(super) fn read_motion(path: &PathBuf, limits: &MotionLimits) -> Result<motion::Motion, String> {
+pub(super) fn read_motion(path: &PathBuf, limits: &MotionLimits) -> Result<motion::Motion> {
     let name = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
-    motion::parse(&name, &text, limits)
+    let text = std::fs::read_to_string(path).map_err(in_file(path))?;
+    Ok(motion::parse(&name, &text, limits)?)
 }
 
 fn undo(
     mut client: joint_bus::canopen::Client<Box<dyn joint_bus::bus::Bus>>,
     name: &str,
     json: bool,
-) -> Result<ExitCode, String> {
-    let record = trial_set::record(&mut client).map_err(|error| error.to_string())?;
-    let Some(record) = record else {
-        return Err(format!("{name}: nothing to undo: its parameters are not those of a tuning"));
-    };
-    trial_set::undo(&mut client).map_err(|error| error.to_string())?;
+) -> Result<ExitCode> {
+    let record = trial_set::undo(&mut client).map_err(|error| match error {
+        UndoError::NotTuned => in_part(name)(error),
+        error => error.into(),
+    })?;
     let crc = format!("{:08x}", record.before_crc);
     let text = if json {
         serde_json::json!({"joint": name, "undone": true, "crc": crc}).to_string()
@@ -143,7 +136,7 @@ fn undo(
 }
 
 /// Writes the files of a session, and prints its summary.
-fn write(session: &Session, output: &OutputArguments) -> Result<(), String> {
+fn write(session: &Session, output: &OutputArguments) -> Result {
     let files = joint_tuning::results::files(session)?;
     let all: Vec<(&str, &[u8])> = files.all().collect();
     output.finish(&all, &files.document.1, &summary(session))

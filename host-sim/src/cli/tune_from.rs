@@ -3,11 +3,12 @@
 //! The drive cannot be commanded from here. So the log must hold the standard motion, and the trial is left to the user.
 
 use super::each_joint::{JointResult, each_joint};
+use super::error::{CommandError, Result, found};
 use super::fit_arguments::{FitArguments, LossChoice};
 use super::input::{DataArguments, LogArguments, MotionFrom};
 use super::output::OutputArguments;
 use clap::Args;
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Prepared;
 use friction_results::feed_forward::{Drive, FeedForward, fit_for_feed_forward};
 use joint_log::log_check::LogFindingKind;
 use joint_log::{Preset, Quantity, SplitRule, TorqueConstant};
@@ -69,20 +70,12 @@ impl ForeignArguments {
             data: self.logs.clone(),
             columns: self.columns.clone(),
             from: preset.map(|preset| preset.name().to_owned()),
-            rate: None,
-            join: false,
-            only: Vec::new(),
             joint: self.joint.clone(),
-            skip_lines: 0,
-            rated_torque: None,
             torque_constant: self.torque_constant,
-            torque_from: None,
-            bad_rows: None,
-            skip: 0,
             motion: Some(MotionFrom::Smoothed),
             // A table with a sign that was guessed would drive the joint instead of helping it.
             as_logged: vec![LogFindingKind::SignSuspect.name().to_owned()],
-            threads: 0,
+            ..LogArguments::default()
         };
         let fit = FitArguments {
             rigid_body: self.rigid_body.clone().unwrap_or_else(|| RIGID_BODY.to_owned()),
@@ -98,11 +91,8 @@ impl ForeignArguments {
 ///
 /// # Errors
 /// Returns one line if the logs cannot be read, or are no base of a feed-forward.
-pub fn run_foreign(
-    arguments: &ForeignArguments,
-    output: &OutputArguments,
-) -> Result<ExitCode, String> {
-    let tool = arguments.from.ok_or("--from: found no tool, expected moteus, odrive or candump")?;
+pub fn run_foreign(arguments: &ForeignArguments, output: &OutputArguments) -> Result<ExitCode> {
+    let tool = arguments.from.ok_or_else(no_tool)?;
     let data = arguments.data(tool);
     let is_without_gain = AtomicBool::new(false);
     each_joint("tune", &data, output, &SplitRule::default(), |input| {
@@ -115,6 +105,10 @@ pub fn run_foreign(
         Ok(JointResult { files: made.files(&fit, input)?, text: made.text() })
     })?;
     Ok(ExitCode::from(u8::from(is_without_gain.into_inner())))
+}
+
+fn no_tool() -> CommandError {
+    found("--from", "no tool", "moteus, odrive or candump")
 }
 
 /// Returns the drive of a log. A CAN log states it by the signals that were read.
@@ -135,7 +129,7 @@ fn torque_source(input: &Prepared) -> Option<(&str, Option<&str>)> {
 }
 
 /// Refuses a log whose torque drives the motion, because the drive would be commanded with the wrong sign.
-fn refuse_reversed_sign(input: &Prepared) -> Result<(), Error> {
+fn refuse_reversed_sign(input: &Prepared) -> Result {
     let mut findings = input.log_findings.iter();
     let Some(finding) = findings.find(|finding| finding.kind == LogFindingKind::SignSuspect) else {
         return Ok(());
@@ -145,11 +139,15 @@ fn refuse_reversed_sign(input: &Prepared) -> Result<(), Error> {
     let unit = unit.unwrap_or(input.data.joint.torque_unit());
     let turned = unit.strip_prefix('-').map_or_else(|| format!("-{unit}"), str::to_owned);
     let file = input.data.files.first().map(|file| format!("{}: ", file.display()));
-    Err(format!(
-        "{}{torque}: found a torque that drives the motion ({:.0} % of the power comes out of the joint), expected one that \
-         is positive when it drives positive velocity: if only the log has the other sign, --columns {torque}={header}:{turned}",
-        file.unwrap_or_default(),
-        -100.0 * finding.value,
-    )
-    .into())
+    let percent = -100.0 * finding.value;
+    Err(found(
+        file.unwrap_or_default() + torque,
+        format!(
+            "a torque that drives the motion ({percent:.0} % of the power comes out of the joint)"
+        ),
+        format!(
+            "one that is positive when it drives positive velocity: if only the log has the other sign, \
+             --columns {torque}={header}:{turned}"
+        ),
+    ))
 }

@@ -1,9 +1,10 @@
 //! `update`: installs a signed package on a joint over its bus.
 
 use super::bus::BusArguments;
+use super::error::{Result, unfit};
 use super::output::print_text;
 use super::progress::counted_progress;
-use joint_bus::bus::{BusName, Hub};
+use joint_bus::bus::Hub;
 use joint_bus::program::package::Release;
 use joint_bus::program::update::{Outcome, Stage, Update};
 use serde_json::json;
@@ -23,14 +24,14 @@ pub struct UpdateArguments {
 }
 
 /// Runs the command.
-pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
-    let release = Release::read(&arguments.package).map_err(|error| error.to_string())?;
+pub fn run(arguments: &UpdateArguments) -> Result {
+    let release = Release::read(&arguments.package)?;
     let (bus, node) = (&arguments.bus, arguments.bus.node_id);
-    if bus.bus == BusName::Loop {
-        return Err(
-            "--bus: a driver in this process has no second program; name a bus, such as can0"
-                .into(),
-        );
+    if bus.is_loop() {
+        return Err(unfit(
+            "--bus",
+            "a driver in this process has no second program; name a bus, such as can0",
+        ));
     }
     let mut client = bus.client(bus.open(&Hub::new())?)?;
     let bytes = release.packages().iter().map(|part| part.bytes.len()).max().unwrap_or_default();
@@ -45,8 +46,7 @@ pub fn run(arguments: &UpdateArguments) -> Result<(), String> {
         }
     });
     bar.finish_and_clear();
-    let outcome = outcome.map_err(|error| error.to_string())?;
-    print_text(&(described(arguments, &outcome) + "\n"))
+    print_text(&(described(arguments, &outcome?) + "\n"))
 }
 
 fn described(arguments: &UpdateArguments, outcome: &Outcome) -> String {

@@ -1,10 +1,10 @@
 //! The names of settings in messages, as options of the command line.
 
-use super::missing_feature::feature_with_command;
 use joint_log::setting::{Message, Reference, Setting, shell_word, worded};
+use std::ffi::OsString;
 
 /// Returns a message as one line for the user.
-pub fn in_options(error: impl Message) -> String {
+pub fn in_options(error: &impl Message) -> String {
     error.worded(&option)
 }
 
@@ -39,4 +39,20 @@ fn option(reference: Reference) -> String {
         value if reference.is_suggestion => format!("{option} {}", shell_word(value)),
         value => format!("{option} {value}"),
     }
+}
+
+/// Returns the name of a feature and the command of this process with it, as the end of a sentence.
+pub fn feature_with_command(feature: &str) -> String {
+    with_command(feature, std::env::args_os().skip(1))
+}
+
+pub fn with_command(feature: &str, arguments: impl Iterator<Item = OsString>) -> String {
+    let quoted = |argument: OsString| {
+        let text = argument.to_string_lossy().into_owned();
+        let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
+        if text.chars().all(is_plain) { text } else { format!("'{text}'") }
+    };
+    let arguments: Vec<String> = arguments.map(quoted).collect();
+    let arguments = arguments.join(" ");
+    format!("feature {feature}: cargo run --release --features {feature} -- {arguments}")
 }

@@ -78,8 +78,8 @@ fn escaped(text: &str) -> String {
 fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
     let case = Case::hidden(&[HiddenCause::PressureCoulomb], 5);
     picture::compare(&picture::svg(&case.page(&[])));
-    let own = without_scripts(&case.html());
-    let charts = charts(&own);
+    let visible = without_scripts(&case.html());
+    let charts = charts(&visible);
     assert_eq!(charts[0].title, "Torque over time", "it is the first chart");
     let [logged, before, after] =
         ["logged", "before", "after"].map(|name| values(&charts, "Torque over time", name));
@@ -89,9 +89,12 @@ fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
     assert!(left < missed / 2.0, "the extension is nearer to the logged torque: {left}, {missed}");
     // The noise is twice the effect, so the points are means; the gains of 3 % and 60 % are explained.
     if cfg!(feature = "stochastic") {
-        snapshot::check("diagnosis-page", "the joint of the README", &sentences(&own));
+        snapshot::check("diagnosis-page", "the joint of the README", &sentences(&visible));
     }
-    assert!(own.contains("noise floor of 0.0848") && own.contains("93\u{a0}% of"), "the floor");
+    assert!(
+        visible.contains("noise floor of 0.0848") && visible.contains("93\u{a0}% of"),
+        "the floor"
+    );
     // The log has no side load, so the joint may have no sensor for it.
     let next = summary::next_experiment(&case.found);
     assert!(!case.found.log.has_column("radial_force_n") && !next.contains("side load"), "{next}");
@@ -118,17 +121,17 @@ fn page_with_finding_shows_summary_and_evidence() {
     assert_eq!(case.found.cause(), "pressure-coulomb");
     let html = case.html();
     assert!(html.len() < 800_000, "{} bytes", html.len());
-    let own = without_scripts(&html);
+    let visible = without_scripts(&html);
     for sentence in summary::summary(&case.found) {
-        assert!(own.contains(&escaped(&sentence)), "{sentence}");
+        assert!(visible.contains(&escaped(&sentence)), "{sentence}");
     }
     for text in ["pressure-coulomb</h1>", "with seed 4711", "first 7 rows", "noise floor ("] {
-        assert!(own.contains(text), "{text}");
+        assert!(visible.contains(text), "{text}");
     }
-    assert!(!own.contains("<i>"), "names of columns are text");
-    assert!(!own.contains("NaN") && !own.contains("∞"));
+    assert!(!visible.contains("<i>"), "names of columns are text");
+    assert!(!visible.contains("NaN") && !visible.contains("∞"));
 
-    let charts = charts(&own);
+    let charts = charts(&visible);
     let [before, after] =
         ["before", "after"].map(|name| rms(&values(&charts, "Friction and pressure", name)));
     assert!(before > 3.0 * after, "the cause shows before ({before}) and not after ({after})");
@@ -143,7 +146,7 @@ fn page_with_finding_shows_summary_and_evidence() {
         assert_eq!(titled(title), 1, "{title}");
     }
     if cfg!(feature = "stochastic") {
-        snapshot::check("diagnosis-page", "one finding", &sentences(&own));
+        snapshot::check("diagnosis-page", "one finding", &sentences(&visible));
     }
 }
 
@@ -151,11 +154,11 @@ fn page_with_finding_shows_summary_and_evidence() {
 fn page_without_candidate_names_no_cause() {
     let case = Case::hidden(&[], 5);
     assert!(case.found.findings.is_empty() && case.found.candidates.is_empty());
-    let own = without_scripts(&case.html());
+    let visible = without_scripts(&case.html());
     if cfg!(feature = "stochastic") {
-        snapshot::check("diagnosis-page", "no candidate", &sentences(&own));
+        snapshot::check("diagnosis-page", "no candidate", &sentences(&visible));
     }
-    let charts = charts(&own);
+    let charts = charts(&visible);
     let is_drawn = |name: &str| charts.iter().any(|chart| chart.named(name).is_some());
     assert!(is_drawn("base model"));
     for absent in ["after", "finding"] {
@@ -171,13 +174,13 @@ fn page_without_finding_lists_rejected_candidates() {
     let has_rejected =
         |case: &Case| case.found.findings.is_empty() && !case.found.candidates.is_empty();
     let case = cases.find(has_rejected).expect("a log with a candidate that is not named");
-    let own = without_scripts(&case.html());
+    let visible = without_scripts(&case.html());
     let rejected = &case.found.candidates[0];
-    assert!(own.contains(rejected.cause.name()), "{}", rejected.cause.name());
+    assert!(visible.contains(rejected.cause.name()), "{}", rejected.cause.name());
     if cfg!(feature = "stochastic") {
-        snapshot::check("diagnosis-page", "rejected candidates", &sentences(&own));
+        snapshot::check("diagnosis-page", "rejected candidates", &sentences(&visible));
     }
-    let charts = charts(&own);
+    let charts = charts(&visible);
     let is_drawn = charts.iter().any(|chart| chart.named("not named").is_some());
     assert!(is_drawn, "what was tried is shown");
 }
@@ -191,11 +194,12 @@ fn page_shows_chart_of_each_cause() {
         (HiddenCause::PositionRipple, "folded"),
     ] {
         let case = Case::hidden(&[effect], 5);
-        let own = without_scripts(&case.html());
+        let visible = without_scripts(&case.html());
         // Whether the cause is found is not this test's business; a page whose model holds it must show it.
         let first = case.found.findings.first();
-        if first.is_some_and(|own| own.cause.name() == effect.name() && own.is_in_model) {
-            let is_drawn = charts(&own).iter().any(|chart| chart.title.contains(title));
+        if first.is_some_and(|finding| finding.cause.name() == effect.name() && finding.is_in_model)
+        {
+            let is_drawn = charts(&visible).iter().any(|chart| chart.title.contains(title));
             // A play that is crossed within a few rows has too few of them for a chart.
             assert!(is_drawn || effect == HiddenCause::Backlash, "{title}");
             shown += usize::from(is_drawn);
@@ -211,11 +215,11 @@ fn page_of_prismatic_joint_has_its_units() {
     let mut data = simulated::dataset(&drawn.log);
     data.joint = JointKind::Prismatic;
     let case = Case::new(data);
-    let own = without_scripts(&case.html());
+    let visible = without_scripts(&case.html());
     for text in ["Prismatic", "velocity (m/s)", "RMSE (N)", "N s/m"] {
-        assert!(own.contains(text), "{text}");
+        assert!(visible.contains(text), "{text}");
     }
-    assert!(!own.contains("rad/s)") && !own.contains("(Nm)\""));
+    assert!(!visible.contains("rad/s)") && !visible.contains("(Nm)\""));
 }
 
 #[cfg(feature = "stochastic")]
@@ -233,11 +237,11 @@ fn stochastic_section_leaves_out_missing_values() {
     });
     let mut page = Page::new("", "");
     page.blocks = stochastic_section(&full, &empty, Some("They part."));
-    let own = without_scripts(&page.render());
+    let visible = without_scripts(&page.render());
     for text in ["They part.", "70 rpm", "&lt;b&gt;", "5.0 %"] {
-        assert!(own.contains(text), "{text}");
+        assert!(visible.contains(text), "{text}");
     }
-    snapshot::check("diagnosis-page", "stochastic extension", &sentences(&own));
+    snapshot::check("diagnosis-page", "stochastic extension", &sentences(&visible));
 }
 
 /// Runs the program in a folder; what it said.

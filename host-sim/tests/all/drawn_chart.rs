@@ -62,8 +62,8 @@ const WORDS: [&str; 11] =
 
 /// Returns the words of a page in their order, one line for each element.
 pub fn sentences(html: &str) -> String {
-    let own = without_scripts(html);
-    let body = own.split_once("<body>").map_or(own.as_str(), |(_, body)| body);
+    let visible = without_scripts(html);
+    let body = visible.split_once("<body>").map_or(visible.as_str(), |(_, body)| body);
     let text_of = |(at, _): (usize, &str)| {
         let rest = &body[at + 1..];
         let name = &rest[..rest.find(|c: char| !c.is_ascii_alphanumeric())?];

@@ -241,9 +241,9 @@ fn export_to_c_of_every_law_matches_core() {
 fn export_to_c_of_every_supported_term_matches_core() {
     for terms in C_TERMS.chunks(6) {
         for law in [LawKind::Lugre, LawKind::Stribeck] {
-            let own: Vec<TermKind> =
+            let of_law: Vec<TermKind> =
                 terms.iter().copied().filter(|term| !law.includes(*term)).collect();
-            assert_close(&joint(law, &own));
+            assert_close(&joint(law, &of_law));
         }
     }
 }
@@ -350,9 +350,9 @@ fn log(pressure_coulomb: f64, asymmetry: f64) -> Dataset {
             let level = 1.2 + 0.4 * (-(velocity / 0.08).abs()).exp() + pressure_coulomb * pressure;
             let level = level * (1.0 + asymmetry * velocity.signum());
             for (at, element) in elements.iter_mut().enumerate() {
-                let own = level * (0.12 + 0.04 * at as f64);
+                let most = level * (0.12 + 0.04 * at as f64);
                 let stiffness = 60.0 * (1.0 + at as f64);
-                *element = (*element + stiffness * velocity * STEP_S).clamp(-own, own);
+                *element = (*element + stiffness * velocity * STEP_S).clamp(-most, most);
             }
             let noise = 0.004 * (((row * 7919 + run * 31) % 1000) as f64 / 500.0 - 1.0);
             let torque = elements.iter().sum::<f64>() + 0.3 * velocity + noise;

@@ -60,8 +60,8 @@ fn help_of_every_command_begins_with_two_examples_that_its_parser_accepts() {
             for example in examples {
                 let words = shell_words(example);
                 let named: Vec<&str> = words.iter().map(String::as_str).collect();
-                let own = path.split_whitespace().all(|name| named.contains(&name));
-                assert!(named[0] == "host-sim" && own, "{path}: {example}");
+                let is_known = path.split_whitespace().all(|name| named.contains(&name));
+                assert!(named[0] == "host-sim" && is_known, "{path}: {example}");
                 let parsed = host_sim::cli::command().try_get_matches_from(&words);
                 assert!(parsed.is_ok(), "{example}: {}", parsed.expect_err("an error"));
             }
@@ -78,9 +78,9 @@ fn help_lists_own_options_before_shared_ones() {
         let names: Vec<&str> = options.filter_map(clap::Arg::get_long).collect();
         let is_shared = |name: &&str| shared.contains(name);
         // `predict`, `fleet` and `sign` have an option `--out` of their own.
-        let own = |name: &&&str| **name != "out" && **name != "json";
-        let first_shared = names.iter().filter(own).position(is_shared);
-        let after = names.iter().filter(own).skip(first_shared.unwrap_or(names.len()));
+        let is_of_command = |name: &&&str| **name != "out" && **name != "json";
+        let first_shared = names.iter().filter(is_of_command).position(is_shared);
+        let after = names.iter().filter(is_of_command).skip(first_shared.unwrap_or(names.len()));
         let headed = |name: &str| {
             let found = command.get_arguments().find(|of| of.get_long() == Some(name));
             found.and_then(clap::Arg::get_help_heading).is_some()

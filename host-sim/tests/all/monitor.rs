@@ -112,7 +112,7 @@ pub struct OnTerminal {
     child: Child,
     keyboard: File,
     /// The program's end of the terminal, to read its modes.
-    own_end: File,
+    terminal_end: File,
     screen: Receiver<Vec<u8>>,
     seen: String,
 }
@@ -125,7 +125,7 @@ impl OnTerminal {
         let size = Winsize { ws_row: 40, ws_col: 120, ws_xpixel: 0, ws_ypixel: 0 };
         tcsetwinsize(&master, size).expect("a size");
         let open = || OpenOptions::new().read(true).write(true).open(&path).expect("its other end");
-        let own_end = open();
+        let terminal_end = open();
         let child = command
             .stdin(Stdio::from(open()))
             .stdout(Stdio::from(open()))
@@ -143,7 +143,7 @@ impl OnTerminal {
                 }
             }
         });
-        Self { child, keyboard, own_end, screen, seen: String::new() }
+        Self { child, keyboard, terminal_end, screen, seen: String::new() }
     }
 
     pub fn wait_for(&mut self, what: &str) {
@@ -157,7 +157,7 @@ impl OnTerminal {
     }
 
     fn is_raw(&self) -> bool {
-        let modes = tcgetattr(&self.own_end).expect("a terminal").local_modes;
+        let modes = tcgetattr(&self.terminal_end).expect("a terminal").local_modes;
         !modes.intersects(LocalModes::ECHO | LocalModes::ICANON)
     }
 
@@ -179,7 +179,7 @@ impl OnTerminal {
         self.wait_for(LEAVES_PAGE);
         self.wait_for(SHOWS_CURSOR);
         let code = self.wait_for_end();
-        let modes = tcgetattr(&self.own_end).expect("a terminal").local_modes;
+        let modes = tcgetattr(&self.terminal_end).expect("a terminal").local_modes;
         assert!(modes.contains(LocalModes::ECHO | LocalModes::ICANON), "{modes:?}");
         code
     }

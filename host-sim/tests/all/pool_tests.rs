@@ -29,7 +29,8 @@ fn simulate_replay_diagnose(scenario: &str, seconds: u32) -> (Value, f64) {
     let command = "diagnose out/data.csv --model lugre --rigid-body inertia,load --json";
     let found: Value = serde_json::from_str(&run(folder, command)).expect("JSON");
     let columns = found["data"]["columns"].as_array().expect("columns");
-    let velocity = columns.iter().find(|own| own["name"] == "velocity_rad_s").expect("a velocity");
+    let velocity =
+        columns.iter().find(|column| column["name"] == "velocity_rad_s").expect("a velocity");
     let ends = [0, 1].map(|end| velocity["range"][end].as_f64().expect("a number").abs());
     (found, ends[0].max(ends[1]))
 }

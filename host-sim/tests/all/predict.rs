@@ -49,19 +49,19 @@ fn predict_with_written_model_returns_rows_of_the_command_that_wrote_it() {
     ] {
         let (code, said) = run(folder.path(), command);
         assert_eq!(code, Some(0), "{said}");
-        let own = document.split('/').next().expect("a folder");
+        let written = document.split('/').next().expect("a folder");
         let text = std::fs::read_to_string(folder.path().join(document)).expect("read");
         let stated = &json(&text)["prediction"];
         let (code, said) = run(
             folder.path(),
-            &format!("predict {own}/params.toml log.csv --json --out p.parquet"),
+            &format!("predict {written}/params.toml log.csv --json --out p.parquet"),
         );
         assert_eq!(code, Some(0), "{said}");
         let predicted = json(&said);
         assert_eq!(predicted["metrics"]["rmse"], stated["rmse"], "{command}");
         assert_eq!(predicted["as_exported_rmse"], stated["as_exported_rmse"], "{command}");
         let bytes = |name: &str| std::fs::read(folder.path().join(name)).expect("read");
-        assert!(bytes("p.parquet") == bytes(&format!("{own}/rows.parquet")), "{command}");
+        assert!(bytes("p.parquet") == bytes(&format!("{written}/rows.parquet")), "{command}");
     }
 }
 

@@ -102,15 +102,15 @@ fn predict_adapted_with_rising_friction_has_a_third_of_the_fixed_error() {
     let folder = identified();
     write_log(&folder.path().join("rising.csv"), |share| 1.0 + 0.5 * share, unchanged);
     let all = predict(folder.path(), "rising.csv --adapt");
-    let own = &all["adaptation"];
-    let [fixed, adapted] = ["fixed", "adapted"].map(|which| number(&own[which]["rmse"]));
+    let adaptation = &all["adaptation"];
+    let [fixed, adapted] = ["fixed", "adapted"].map(|which| number(&adaptation[which]["rmse"]));
     assert!(3.0 * adapted <= fixed, "{adapted} {fixed}");
     let plain = predict(folder.path(), "rising.csv");
-    assert_eq!(own["fixed"], plain["metrics"], "the fixed set is that without the option");
-    let last = number(&own["gains"]["level"]["last"]);
+    assert_eq!(adaptation["fixed"], plain["metrics"], "the fixed set is that without the option");
+    let last = number(&adaptation["gains"]["level"]["last"]);
     // A drift is followed about two memories late.
     assert!((last - 1.45).abs() < 0.04, "{last}");
-    assert_eq!(own["runs"].as_array().map(Vec::len), Some(2));
+    assert_eq!(adaptation["runs"].as_array().map(Vec::len), Some(2));
 
     let (code, said) =
         run(folder.path(), "predict fit/params.toml rising.csv --adapt --out rows.csv");
@@ -155,8 +155,8 @@ fn predict_adapted_is_causal() {
 #[test]
 fn predict_adapted_with_steady_friction_keeps_the_error() {
     let folder = identified();
-    let own = &predict(folder.path(), "steady.csv --adapt")["adaptation"];
-    let [fixed, adapted] = ["fixed", "adapted"].map(|which| number(&own[which]["rmse"]));
+    let adaptation = &predict(folder.path(), "steady.csv --adapt")["adaptation"];
+    let [fixed, adapted] = ["fixed", "adapted"].map(|which| number(&adaptation[which]["rmse"]));
     assert!(adapted <= 1.02 * fixed, "{adapted} {fixed}");
 }
 
@@ -173,8 +173,8 @@ fn predict_adapted_with_bad_cells_gaps_and_uneven_times_learns_the_level() {
         (!is_lost).then_some([time + jitter, velocity, torque])
     };
     write_log(&folder.path().join("damaged.csv"), |share| 1.0 + 0.5 * share, damage);
-    let own = &predict(folder.path(), "damaged.csv --adapt --start rest")["adaptation"];
-    let [fixed, adapted] = ["fixed", "adapted"].map(|which| number(&own[which]["rmse"]));
+    let adaptation = &predict(folder.path(), "damaged.csv --adapt --start rest")["adaptation"];
+    let [fixed, adapted] = ["fixed", "adapted"].map(|which| number(&adaptation[which]["rmse"]));
     assert!(2.0 * adapted <= fixed, "{adapted} {fixed}");
     let rows = columns(&folder.path().join("rows.csv"), &["predicted_torque_nm", "gain_level"]);
     assert!(rows.iter().all(|row| row[0].is_empty() == row[1].is_empty()));

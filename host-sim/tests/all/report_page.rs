@@ -51,10 +51,10 @@ fn page_is_self_contained() {
     for attribute in ["src=", "url(", "@import", "http-equiv=\"refresh\""] {
         assert!(!html.contains(attribute), "{attribute}");
     }
-    let own = without_scripts(&html);
-    assert_eq!(own.matches("href=").count(), 1);
-    assert!(own.contains("<link rel=\"icon\" href=\"data:,\">"));
-    assert!(own.contains("default-src 'none'"));
+    let visible = without_scripts(&html);
+    assert_eq!(visible.matches("href=").count(), 1);
+    assert!(visible.contains("<link rel=\"icon\" href=\"data:,\">"));
+    assert!(visible.contains("default-src 'none'"));
     assert!(html.len() < 50_000, "{} bytes", html.len());
 }
 
@@ -148,10 +148,10 @@ fn page_without_charts_is_small() {
 #[test]
 fn page_escapes_hostile_text() {
     let html = page_of_text(HOSTILE).render();
-    let own = without_scripts(&html);
-    assert!(own.contains("&lt;script&gt;alert"), "the hostile text is shown");
-    assert!(!own.contains("<script>alert"));
-    assert!(!own.contains("<img"));
+    let visible = without_scripts(&html);
+    assert!(visible.contains("&lt;script&gt;alert"), "the hostile text is shown");
+    assert!(!visible.contains("<script>alert"));
+    assert!(!visible.contains("<img"));
     assert_eq!(html.matches("<script").count(), 1, "only the page's own script");
     assert_eq!(html.matches("</script").count(), 1);
     assert_eq!(charts(&html)[0].series[0].name, HOSTILE);

@@ -73,8 +73,8 @@ fn identify_with_several_joints_writes_one_result_each_and_a_list() {
             let listed = &all["joints"][index];
             assert_eq!(listed["joint"], *name);
             assert!((coulomb(listed) - COULOMB_NM[index]).abs() < 0.02, "{name}");
-            let own = json(folder, &format!("out/identify-arm/{}/fit.json", folders[index]));
-            assert_eq!(own["models"], listed["models"]);
+            let alone = json(folder, &format!("out/identify-arm/{}/fit.json", folders[index]));
+            assert_eq!(alone["models"], listed["models"]);
             for file in ["fit.html", "params.toml"] {
                 assert!(
                     folder.join("out/identify-arm").join(folders[index]).join(file).is_file(),

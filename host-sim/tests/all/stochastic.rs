@@ -139,7 +139,7 @@ fn print(title: &str, certificate: &Certificate) {
 }
 
 fn of(certificate: &Certificate, id: Id) -> &[f64] {
-    let index = certificate.parameters.iter().position(|own| *own == id).expect("certified");
+    let index = certificate.parameters.iter().position(|known| *known == id).expect("certified");
     &certificate.cv[index]
 }
 

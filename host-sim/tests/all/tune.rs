@@ -165,7 +165,7 @@ fn tune_that_must_not_move_the_joint_exits_2_with_one_line() {
 fn column(csv: &str, name: &str) -> Vec<f64> {
     let mut lines = csv.lines();
     let names = lines.next().expect("a header");
-    let at = names.split(',').position(|own| own == name).expect(name);
+    let at = names.split(',').position(|known| known == name).expect(name);
     let cell = |line: &str| line.split(',').nth(at).expect("a cell").parse().expect("a number");
     lines.map(cell).collect()
 }
@@ -193,8 +193,8 @@ fn move_along_a_sine_records_the_demand_and_how_well_it_was_followed() {
         "{seconds} s for two periods of 2 s, the way there and back"
     );
     let square: f64 = demand.iter().zip(&position).map(|(a, b)| (a - b).powi(2)).sum();
-    let own = (square / demand.len() as f64).sqrt();
-    assert!((own / tracking - 1.0).abs() < 0.01, "{own}, {tracking}");
+    let rms = (square / demand.len() as f64).sqrt();
+    assert!((rms / tracking - 1.0).abs() < 0.01, "{rms}, {tracking}");
 }
 
 #[test]

@@ -291,7 +291,7 @@ fn escaped(text: &str) -> String {
 fn page_of_a_gain_has_each_change_with_its_interval() {
     let report = saved();
     let page = report.page(Some(diagnosis())).render();
-    let own = without_scripts(&page);
+    let visible = without_scripts(&page);
     snapshot::check("tune-page", "a gain", &sentences(&page));
     for text in [
         "can0, node 1",
@@ -314,16 +314,16 @@ fn page_of_a_gain_has_each_change_with_its_interval() {
         "62.0\u{a0}Hz",
         "one direction rubs",
     ] {
-        assert!(own.contains(text), "{text}");
+        assert!(visible.contains(text), "{text}");
     }
-    assert!(own.contains(&escaped(HOSTILE)) && !own.contains("<script>alert"));
+    assert!(visible.contains(&escaped(HOSTILE)) && !visible.contains("<script>alert"));
 }
 
 #[test]
 fn charts_show_errors_blocks_and_response_of_the_session() {
     let report = saved();
-    let own = without_scripts(&report.page(None).render());
-    let charts = charts(&own);
+    let visible = without_scripts(&report.page(None).render());
+    let charts = charts(&visible);
     let titled = |title: &str| charts.iter().find(|chart| chart.title == title).expect(title);
     let largest = |series: &str| {
         let drawn = charts[0].named(series).expect(series);
@@ -351,7 +351,7 @@ fn charts_show_errors_blocks_and_response_of_the_session() {
 fn page_of_a_returned_set_says_why_and_shows_no_value_that_was_not_measured() {
     let report = returned();
     let page = report.page(None).render();
-    let own = without_scripts(&page);
+    let visible = without_scripts(&page);
     snapshot::check("tune-page", "a returned set", &sentences(&page));
     let TuneOutcome::Returned(why) = &report.outcome else { panic!("{:?}", report.outcome) };
     // The reason is a sentence of its own.
@@ -367,18 +367,18 @@ fn page_of_a_returned_set_says_why_and_shows_no_value_that_was_not_measured() {
         "And 3 more",
         report.not_learnt.last().expect("a column"),
     ] {
-        assert!(own.contains(text), "{text}");
+        assert!(visible.contains(text), "{text}");
     }
-    assert!(!own.contains("Time stuck"), "it was never stuck");
+    assert!(!visible.contains("Time stuck"), "it was never stuck");
     // Attributes and texts: style sheet and scripts are not of this session.
-    let body = own.split_once("<body>").expect("a body").1;
+    let body = visible.split_once("<body>").expect("a body").1;
     for number in ["NaN", "inf", "∞"] {
         let in_words = ["information", "confirm"];
         let mut rest = body.to_owned();
         in_words.iter().for_each(|word| rest = rest.replace(word, ""));
         assert!(!rest.contains(number), "{number}");
     }
-    let gap = charts(&own).into_iter().find(|chart| chart.title == "Magnitude").expect("drawn");
+    let gap = charts(&visible).into_iter().find(|chart| chart.title == "Magnitude").expect("drawn");
     assert_eq!(gap.series[0].parts.len(), 2);
 }
 
@@ -447,14 +447,15 @@ fn rows_are_a_log_with_the_runs_as_recorded() {
     assert_eq!(names, [recorded[0].name.clone(), format!("{} (2)", recorded[0].name)]);
     for (run, recorded) in log.runs.iter().zip(&recorded) {
         let column =
-            |name: &str| &recorded.columns.iter().find(|(own, _)| own == name).expect(name).1;
+            |name: &str| &recorded.columns.iter().find(|(known, _)| known == name).expect(name).1;
         assert_eq!((&run.time_s, &run.torque), (column("time_s"), column("torque_nm")));
         assert_eq!(log.column(run, "velocity_rad_s"), Some(&column("velocity_rad_s")[..]));
         assert_eq!(log.column(run, "position_rad"), Some(&column("position_rad")[..]));
     }
     // The demand is no cause of friction, and nothing was measured of the side load.
     assert_eq!(log.covariates, ["current_a"]);
-    let left_out: Vec<&str> = log.left_out_columns.iter().map(|own| own.name.as_str()).collect();
+    let left_out: Vec<&str> =
+        log.left_out_columns.iter().map(|column| column.name.as_str()).collect();
     assert_eq!(left_out, ["demand_rad", "temperature_c"]);
 }
 

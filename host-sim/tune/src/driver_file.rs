@@ -11,34 +11,28 @@
 //! Every command reads its parameter files with this module, so that the file of a whole driver is accepted wherever a
 //! model is required. The library that fits models does not depend on the motor's parameters.
 
+use crate::names::SECTIONS;
 use compensator_core::TermKind;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::network::JointNetwork;
-use firmware::control::MotorParameters;
 use firmware::parameter_set::ParameterSet;
-use firmware::sensors::SensorParameters;
-use firmware::supervisor::Thresholds;
-use firmware::watch::WatchParameters;
 use friction_fit::params::{
     self, CompensatorSection, ParameterFile, ParameterFileError, Section, emit_model, emit_section,
 };
 use joint_log::JointKind;
 use std::path::Path;
 
-/// Sections of a driver's file that follow those of the model.
-const SECTIONS: [Section; 4] = [
-    Section { name: "motor", fields: &MotorParameters::NAMES },
-    Section { name: "thresholds", fields: &Thresholds::NAMES },
-    Section { name: "watch", fields: &WatchParameters::NAMES },
-    Section { name: "sensors", fields: &SensorParameters::NAMES },
-];
+/// Returns the sections of a driver's file that follow those of the model.
+fn driver_sections() -> [Section; 4] {
+    [2, 3, 4, 5].map(|place: usize| SECTIONS[place].section)
+}
 
 /// Reads and validates a file.
 ///
 /// # Errors
 /// See [`params::read`].
 pub fn read(path: &Path) -> Result<ParameterFile, ParameterFileError> {
-    params::read(path, &SECTIONS)
+    params::read(path, &driver_sections())
 }
 
 /// Reads and validates the text of a file.
@@ -46,30 +40,22 @@ pub fn read(path: &Path) -> Result<ParameterFile, ParameterFileError> {
 /// # Errors
 /// See [`params::parse`].
 pub fn parse(text: &str) -> Result<ParameterFile, ParameterFileError> {
-    params::parse(text, &SECTIONS)
+    params::parse(text, &driver_sections())
 }
 
 /// Applies a file to a driver's parameter set. The friction model and its network are replaced as a whole; the model's rigid-body
 /// parts are left out. Of the other sections, only the values in the file are replaced. `network` is that of the file, in the
 /// driver's form.
 pub fn apply(file: &ParameterFile, network: Option<JointNetwork>, set: &mut ParameterSet) {
-    // A value that the file does not contain is NaN.
-    fn merge<const N: usize>(mut values: [f32; N], from_file: Option<&Vec<f32>>) -> [f32; N] {
-        for (value, new) in values.iter_mut().zip(from_file.into_iter().flatten()) {
-            if !new.is_nan() {
-                *value = *new;
-            }
-        }
-        values
-    }
     set.network = network;
     set.friction.model = file.compensated_model();
     set.friction.compensator = file.compensator.over(&set.friction.compensator);
-    let [motor, thresholds, watch, sensors] = [0, 1, 2, 3].map(|at| file.sections.get(at));
-    set.motor = MotorParameters::from_array(merge(set.motor.to_array(), motor));
-    set.thresholds = Thresholds::from_array(merge(set.thresholds.to_array(), thresholds));
-    set.watch = WatchParameters::from_array(merge(set.watch.to_array(), watch));
-    set.sensors = SensorParameters::from_array(merge(set.sensors.to_array(), sensors));
+    for (of, from_file) in SECTIONS[2..].iter().zip(&file.sections) {
+        // A value that the file does not contain is NaN.
+        let merged = (of.get)(set).into_iter().zip(from_file);
+        let merged = merged.map(|(kept, new)| if new.is_nan() { kept } else { *new });
+        (of.put)(set, &merged.collect::<Vec<f32>>());
+    }
 }
 
 /// Returns the file of a driver's parameter set without its network. Reading the file gives the same set, bit for bit.
@@ -80,10 +66,9 @@ pub fn emit(set: &ParameterSet, joint: JointKind) -> String {
     if set.friction.model.terms.contains(&TermKind::GravityImbalance) {
         text += &format!("{} = true\n", CompensatorSection::GRAVITY);
     }
-    emit_section("motor", &MotorParameters::NAMES, &set.motor.to_array(), &mut text);
-    emit_section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array(), &mut text);
-    emit_section("watch", &WatchParameters::NAMES, &set.watch.to_array(), &mut text);
-    emit_section("sensors", &SensorParameters::NAMES, &set.sensors.to_array(), &mut text);
+    for of in &SECTIONS[2..] {
+        emit_section(of.section.name, of.section.fields, &(of.get)(set), &mut text);
+    }
     text
 }
 

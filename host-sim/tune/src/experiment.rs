@@ -158,9 +158,9 @@ pub fn most_informative(
         .map(|outcome| (0..DRAWS).map(|_| draw(outcome, &mut random)).collect::<Vec<_>>());
     let expected = experiments.iter().map(|experiment| {
         let track = track(&experiment.motion, at);
-        let torques = [0, 1].map(|own| {
-            let resolution = hypotheses[own].resolution;
-            drawn[own].iter().map(|p| torque(p, &track, resolution)).collect::<Vec<_>>()
+        let torques = [0, 1].map(|which| {
+            let resolution = hypotheses[which].resolution;
+            drawn[which].iter().map(|p| torque(p, &track, resolution)).collect::<Vec<_>>()
         });
         information(&torques, noise_nm) / CORRELATED_ROWS
     });
@@ -220,14 +220,14 @@ fn torque(parameters: &Parameters<f64>, track: &Track, resolution: Resolution) -
 /// noise and draws.
 fn information(torques: &[Vec<Vec<f64>>; 2], noise_nm: f64) -> f64 {
     let rows = torques.iter().flatten().map(Vec::len).min().unwrap_or_default();
-    let moments = |own: &[Vec<f64>], row: usize| {
-        let count = own.len() as f64;
-        let mean = own.iter().map(|torque| torque[row]).sum::<f64>() / count;
-        let variance = own.iter().map(|torque| (torque[row] - mean).powi(2)).sum::<f64>() / count;
+    let moments = |draws: &[Vec<f64>], row: usize| {
+        let count = draws.len() as f64;
+        let mean = draws.iter().map(|torque| torque[row]).sum::<f64>() / count;
+        let variance = draws.iter().map(|torque| (torque[row] - mean).powi(2)).sum::<f64>() / count;
         [mean, variance]
     };
     let nats = (0..rows).map(|row| {
-        let [[a, va], [b, vb]] = [0, 1].map(|own| moments(&torques[own], row));
+        let [[a, va], [b, vb]] = [0, 1].map(|which| moments(&torques[which], row));
         0.5 * (a - b).powi(2) / (noise_nm * noise_nm + va + vb)
     });
     nats.sum()

@@ -133,8 +133,8 @@ fn response(recording: &Recording, nm_per_a: f64) -> Vec<Line> {
         };
         let value = sum(0, None) / sum(1, None);
         // Jackknife over the windows.
-        let jackknife = (0..cross.len()).map(|own| {
-            let without = sum(0, Some(own)) / sum(1, Some(own));
+        let jackknife = (0..cross.len()).map(|left_out| {
+            let without = sum(0, Some(left_out)) / sum(1, Some(left_out));
             (without - value).norm_sqr()
         });
         let error = jackknife.sum::<f64>().sqrt();
@@ -278,7 +278,7 @@ fn interpolated(lines: &[Line]) -> Vec<Line> {
         for step in 0..20 {
             let share = f64::from(step) / 20.0;
             let [hz, magnitude, phase] =
-                [0, 1, 2].map(|own| pair[0][own] + share * (pair[1][own] - pair[0][own]));
+                [0, 1, 2].map(|place| pair[0][place] + share * (pair[1][place] - pair[0][place]));
             fine.push(Line { hz: hz.exp(), value: Complex::from_polar(magnitude.exp(), phase) });
         }
     }

@@ -22,7 +22,7 @@ pub fn gains(pairs: &[[Scored; 2]]) -> Vec<TuneGain> {
 
 /// Returns the gain of a quantity, as [`gains`] does.
 pub fn gain(pairs: &[[Scored; 2]], quantity: TuneQuantity) -> TuneGain {
-    let place = TuneQuantity::ALL.iter().position(|own| *own == quantity).unwrap_or(0);
+    let place = TuneQuantity::ALL.iter().position(|known| *known == quantity).unwrap_or(0);
     let log = |scored: &Scored| scored.scores[place].max(LEAST[place]).ln();
     let count = pairs.len() as f64;
     let mean = |of: &dyn Fn(&[Scored; 2]) -> f64| pairs.iter().map(of).sum::<f64>() / count;
@@ -34,7 +34,7 @@ pub fn gain(pairs: &[[Scored; 2]], quantity: TuneQuantity) -> TuneGain {
         pairs => STUDENT.get(pairs - 2).copied().unwrap_or(STUDENT_OF_MORE),
     };
     let half = student * (squares / (count - 1.0)).sqrt();
-    let is_none = pairs.iter().flatten().all(|own| own.scores[place] <= LEAST[place]);
+    let is_none = pairs.iter().flatten().all(|scored| scored.scores[place] <= LEAST[place]);
     let [before, after] = [0, 1].map(|which| mean(&|pair| log(&pair[which])).exp());
     TuneGain {
         quantity,
@@ -147,13 +147,13 @@ mod tests {
                     .iter()
                     .flatten()
                     .enumerate()
-                    .filter(|(_, own)| *own == set)
+                    .filter(|(_, placed)| *placed == set)
                     .map(|(at, _)| at)
                     .sum()
             });
             let sums: Vec<usize> = sums.collect();
             assert!(
-                sums.iter().all(|own| *own == sums[0]),
+                sums.iter().all(|sum| *sum == sums[0]),
                 "{sets} sets, {rounds} rounds: {sums:?}"
             );
         }

@@ -62,8 +62,12 @@ impl Learnt {
                 (finding.cause.name().to_owned(), finding.probability)
             }
             other => {
-                let known = self.found.candidates.iter().filter(|own| own.cause.name() != UNKNOWN);
-                let most = known.map(|own| own.probability).fold(0.0, f64::max);
+                let known = self
+                    .found
+                    .candidates
+                    .iter()
+                    .filter(|candidate| candidate.cause.name() != UNKNOWN);
+                let most = known.map(|candidate| candidate.probability).fold(0.0, f64::max);
                 (other.map_or("none", |_| UNKNOWN).to_owned(), 1.0 - most)
             }
         }
@@ -71,7 +75,7 @@ impl Learnt {
 
     /// Returns the number of the first cause for the record in a drive: 0 for none, otherwise that of its term plus one.
     pub fn cause_number(&self) -> u8 {
-        let term = self.found.findings.first().and_then(|own| own.cause.remedy().term());
+        let term = self.found.findings.first().and_then(|finding| finding.cause.remedy().term());
         term.map_or(0, |term| term as u8 + 1)
     }
 
@@ -84,11 +88,16 @@ impl Learnt {
     /// candidate, or without any. `None` if they do not differ.
     pub fn open_hypotheses(&self) -> Option<[Outcome; 2]> {
         let first = &self.found.extended;
-        let named: Vec<&str> = self.found.findings.iter().map(|own| own.cause.name()).collect();
-        let other = self.found.candidates.iter().filter(|own| !named.contains(&own.cause.name()));
+        let named: Vec<&str> =
+            self.found.findings.iter().map(|finding| finding.cause.name()).collect();
+        let other = self
+            .found
+            .candidates
+            .iter()
+            .filter(|candidate| !named.contains(&candidate.cause.name()));
         let other = other.max_by(|a, b| a.probability.total_cmp(&b.probability));
         let mut spec = Spec { terms: Vec::new(), ..self.found.baseline.spec.clone() };
-        if let Some(term) = other.and_then(|own| own.cause.remedy().term())
+        if let Some(term) = other.and_then(|candidate| candidate.cause.remedy().term())
             && !spec.law.includes(term)
             && !spec.rigid_body.contains(&term)
         {
@@ -122,7 +131,8 @@ impl Learnt {
     /// Returns the inertia at the joint, kg m^2, if the recordings determine it.
     pub fn inertia_kg_m2(&self) -> Option<f64> {
         let model = &self.found.extended;
-        let estimate = model.estimates.iter().find(|own| own.id == ParameterId::Inertia)?;
+        let estimate =
+            model.estimates.iter().find(|estimate| estimate.id == ParameterId::Inertia)?;
         let error = estimate.std_error?;
         (estimate.value > 0.0 && error < 0.2 * estimate.value).then_some(estimate.value)
     }
@@ -203,14 +213,14 @@ pub fn is_passive(law: &Parameters<f64>) -> bool {
 /// Gives a model the former range of inputs where it was wider than that of the recordings, if the model is valid there: the
 /// joint keeps moving outside of what was recorded.
 fn widen(model: &mut Parameters<f32>, former: &Envelope) {
-    let own = model.envelope;
-    let mut fields = own.to_array();
+    let recorded = model.envelope;
+    let mut fields = recorded.to_array();
     for (field, former) in fields.iter_mut().zip(former.to_array()) {
         *field = field.max(former);
     }
     model.envelope = Envelope::from_array(fields);
     if model.validate().is_err() {
-        model.envelope = own;
+        model.envelope = recorded;
     }
 }
 

@@ -71,7 +71,10 @@ pub struct Master<B> {
     due_ns: u64,
     last: Row,
     reported_ns: u64,
+    /// A trial is open on the drive.
     has_trial: bool,
+    /// The drive was enabled, and not disabled since.
+    is_operating: bool,
     /// Position error at which a motion is ended, rad.
     error_guard_rad: f64,
     /// SYNCs since which the joint stands with its current at the limit.
@@ -105,6 +108,7 @@ impl<B: Bus> Master<B> {
             last,
             reported_ns: 0,
             has_trial: false,
+            is_operating: false,
             error_guard_rad: f64::INFINITY,
             pressing_syncs: 0,
         }
@@ -120,8 +124,13 @@ impl<B: Bus> Master<B> {
         &self.last
     }
 
-    /// Sets whether a trial on the drive is renewed while the joint moves.
-    pub fn renew_trial(&mut self, has_trial: bool) {
+    /// Returns true if a trial is open, which is renewed while the joint moves.
+    pub fn has_trial(&self) -> bool {
+        self.has_trial
+    }
+
+    /// Sets whether a trial is open on the drive.
+    pub(crate) fn set_trial(&mut self, has_trial: bool) {
         self.has_trial = has_trial;
     }
 
@@ -219,11 +228,14 @@ impl<B: Bus> Master<B> {
         Ok(self.client.write(Address::new(at, sub_index), value)?)
     }
 
-    /// Enables the drive. It then holds the position at which it was enabled.
+    /// Enables the drive unless it is enabled. It then holds the position at which it was enabled.
     ///
     /// # Errors
     /// The drive does not arm, with its reason.
     pub fn enable(&mut self) -> Result<(), MasterError> {
+        if self.is_operating && self.is_enabled() {
+            return Ok(());
+        }
         self.resynchronise();
         let until_ns = self.due_ns + ENABLING_NS;
         let mut steady = 0;
@@ -249,6 +261,7 @@ impl<B: Bus> Master<B> {
                 return Err(MasterError::Interrupted);
             }
         }
+        self.is_operating = true;
         Ok(())
     }
 
@@ -261,6 +274,7 @@ impl<B: Bus> Master<B> {
     /// # Errors
     /// The bus fails or the joint does not report.
     pub fn disable(&mut self) -> Result<(), MasterError> {
+        self.is_operating = false;
         let until_ns = self.due_ns + ENABLING_NS;
         self.controlword = SWITCH_ON;
         for cycle in 0.. {
@@ -274,6 +288,14 @@ impl<B: Bus> Master<B> {
         }
         self.controlword = 0;
         (0..10).try_for_each(|_| self.cycle().map(drop))
+    }
+
+    /// Disables the drive as [`Master::disable`] does, if it was enabled.
+    ///
+    /// # Errors
+    /// As [`Master::disable`].
+    pub fn disable_if_enabled(&mut self) -> Result<(), MasterError> {
+        if self.is_operating { self.disable() } else { Ok(()) }
     }
 
     /// Moves from the present demand to a position, rad.
@@ -450,18 +472,18 @@ impl<B: Bus> Master<B> {
             return Ok(None);
         }
         match Message::parse(frame) {
-            Ok(Message::Motion(own, motion)) if own == self.node => {
+            Ok(Message::Motion(sender, motion)) if sender == self.node => {
                 self.last.velocity_rad_s = f64::from(motion.velocity_rad_s);
                 self.last.position_rad = f64::from(motion.position_rad);
             }
-            Ok(Message::Torque(own, torque)) if own == self.node => {
+            Ok(Message::Torque(sender, torque)) if sender == self.node => {
                 self.last.torque_nm = f64::from(torque.torque_nm);
             }
-            Ok(Message::Seal(own, seal)) if own == self.node => {
+            Ok(Message::Seal(sender, seal)) if sender == self.node => {
                 self.last.radial_force_n = f64::from(seal.radial_force_n);
                 self.last.pressure_diff_pa = f64::from(seal.pressure_diff_pa);
             }
-            Ok(Message::Surroundings(own, around)) if own == self.node => {
+            Ok(Message::Surroundings(sender, around)) if sender == self.node => {
                 self.last.temperature_c = f64::from(around.temperature_c);
             }
             _ => {}

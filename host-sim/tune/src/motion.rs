@@ -14,6 +14,52 @@ pub const TARGET_PERIOD_S: f64 = 5e-3;
 /// Speed below which a demand counts as rest, rad/s.
 pub const REST_RAD_S: f64 = 1e-4;
 
+/// Error of a motion; its message is one line.
+#[derive(Debug, PartialEq, thiserror::Error)]
+#[error("{motion}: {defect}")]
+pub struct MotionError {
+    /// Name of the motion, or its file.
+    pub motion: String,
+    /// What is wrong with it.
+    pub defect: MotionDefect,
+}
+
+/// What is wrong with a motion.
+#[derive(Debug, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
+pub enum MotionDefect {
+    /// It does not return.
+    #[error("expected a motion that starts and ends at 0 rad")]
+    Ends,
+    /// A position is NaN or infinite.
+    #[error("expected finite positions")]
+    NotFinite,
+    /// It leaves its range, rad.
+    #[error("found {found:.3} rad from the start, expected at most {most} rad (--range)")]
+    Range { found: f64, most: f64 },
+    /// It is too fast, rad/s.
+    #[error("found {found:.3} rad/s, expected at most {most} rad/s (--speed)")]
+    Speed { found: f64, most: f64 },
+    /// The file is empty.
+    #[error("the file is empty")]
+    Empty,
+    /// The file lacks a column.
+    #[error("row 1: found {header:?}, expected a column {column}")]
+    Column { header: String, column: &'static str },
+    /// A cell is no number.
+    #[error("row {row}, column {column}: found {found:?}, expected a finite number")]
+    Cell { row: usize, column: &'static str, found: String },
+    /// The times do not rise.
+    #[error("row {row}, column time_s: found {found} after {last}, expected a later time")]
+    Order { row: usize, found: f64, last: f64 },
+    /// The file has too few rows.
+    #[error("found {0} rows, expected at least 2")]
+    Rows(usize),
+    /// The motion takes too long, s.
+    #[error("found {0} s, expected at most {MAX_MOTION_S} s")]
+    Duration(f64),
+}
+
 /// Bounds of every motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits {
@@ -63,29 +109,27 @@ impl Motion {
     ///
     /// # Errors
     /// Returns one line with the value that exceeds its limit.
-    pub fn validate(&self, limits: &MotionLimits) -> Result<(), String> {
-        let name = &self.name;
+    pub fn validate(&self, limits: &MotionLimits) -> Result<(), MotionError> {
+        let failed = |defect| MotionError { motion: self.name.clone(), defect };
+        self.check(limits).map_err(failed)
+    }
+
+    fn check(&self, limits: &MotionLimits) -> Result<(), MotionDefect> {
         let ends = [self.positions_rad.first(), self.positions_rad.last()];
         if ends.iter().any(|end| end.is_none_or(|at| at.abs() > 1e-9)) {
-            return Err(format!("{name}: expected a motion that starts and ends at 0 rad"));
+            return Err(MotionDefect::Ends);
         }
         if self.positions_rad.iter().any(|at| !at.is_finite()) {
-            return Err(format!("{name}: expected finite positions"));
+            return Err(MotionDefect::NotFinite);
         }
         // A tolerance for the rounding of sampled positions.
         const TOLERANCE: f64 = 1.02;
         let [range, speed] = self.extremes();
         if range > TOLERANCE * limits.range_rad {
-            let most = limits.range_rad;
-            return Err(format!(
-                "{name}: found {range:.3} rad from the start, expected at most {most} rad (--range)"
-            ));
+            return Err(MotionDefect::Range { found: range, most: limits.range_rad });
         }
         if speed > TOLERANCE * limits.speed_rad_s {
-            let most = limits.speed_rad_s;
-            return Err(format!(
-                "{name}: found {speed:.3} rad/s, expected at most {most} rad/s (--speed)"
-            ));
+            return Err(MotionDefect::Speed { found: speed, most: limits.speed_rad_s });
         }
         Ok(())
     }
@@ -238,49 +282,50 @@ pub fn standard(limits: &MotionLimits) -> Motion {
 ///
 /// # Errors
 /// Returns one line: the file, the row, what was found and what was expected.
-pub fn parse(name: &str, text: &str, limits: &MotionLimits) -> Result<Motion, String> {
+pub fn parse(name: &str, text: &str, limits: &MotionLimits) -> Result<Motion, MotionError> {
+    let failed = |defect| MotionError { motion: name.to_owned(), defect };
+    let points = parse_points(text).map_err(failed)?;
+    let motion = through(&points, limits).finish(name);
+    motion.validate(limits).map(|()| motion)
+}
+
+/// Returns times, s, and positions, rad.
+fn parse_points(text: &str) -> Result<Vec<[f64; 2]>, MotionDefect> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let (_, header) = lines.next().ok_or_else(|| format!("{name}: the file is empty"))?;
+    let (_, header) = lines.next().ok_or(MotionDefect::Empty)?;
     let names: Vec<&str> = header.split(',').map(str::trim).collect();
-    let place = |column: &str| {
-        let at = names.iter().position(|own| *own == column);
-        at.ok_or_else(|| format!("{name}: row 1: found {header:?}, expected a column {column}"))
+    let place = |column| {
+        let at = names.iter().position(|known| *known == column);
+        at.ok_or_else(|| MotionDefect::Column { header: header.to_owned(), column })
     };
     let (time_at, position_at) = (place("time_s")?, place("position_rad")?);
     let mut points: Vec<[f64; 2]> = Vec::new();
     for (row, line) in lines {
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-        let number = |at: usize, column: &str| {
+        let row = row + 1;
+        let number = |at: usize, column| {
             let cell = cells.get(at).copied().unwrap_or_default();
             let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
-            number.ok_or_else(|| {
-                format!(
-                    "{name}: row {}, column {column}: found {cell:?}, expected a finite number",
-                    row + 1
-                )
-            })
+            number.ok_or_else(|| MotionDefect::Cell { row, column, found: cell.to_owned() })
         };
         let point = [number(time_at, "time_s")?, number(position_at, "position_rad")?];
         if let Some([last, _]) = points.last()
             && point[0] <= *last
         {
-            let now = point[0];
-            return Err(format!(
-                "{name}: row {}, column time_s: found {now} after {last}, expected a later time",
-                row + 1
-            ));
+            return Err(MotionDefect::Order { row, found: point[0], last: *last });
         }
         points.push(point);
     }
-    let [first, .., last] = points[..] else {
-        return Err(format!("{name}: found {} rows, expected at least 2", points.len()));
-    };
+    let [first, .., last] = points[..] else { return Err(MotionDefect::Rows(points.len())) };
     let seconds = last[0] - first[0];
-    if seconds > MAX_MOTION_S {
-        return Err(format!("{name}: found {seconds} s, expected at most {MAX_MOTION_S} s"));
-    }
+    if seconds > MAX_MOTION_S { Err(MotionDefect::Duration(seconds)) } else { Ok(points) }
+}
+
+/// Returns a motion through at least two points, with a rest at both ends.
+fn through(points: &[[f64; 2]], limits: &MotionLimits) -> MotionBuilder {
     let mut builder = MotionBuilder::new(*limits).rest(0.2);
-    let count = (seconds / TARGET_PERIOD_S).floor() as usize;
+    let (first, last) = (points[0], points[points.len() - 1]);
+    let count = ((last[0] - first[0]) / TARGET_PERIOD_S).floor() as usize;
     let mut at = 0;
     for step in 1..=count {
         let time = first[0] + step as f64 * TARGET_PERIOD_S;
@@ -291,8 +336,7 @@ pub fn parse(name: &str, text: &str, limits: &MotionLimits) -> Result<Motion, St
         let share = ((time - t0) / (t1 - t0)).clamp(0.0, 1.0);
         builder.positions_rad.push(p0 + share * (p1 - p0) - first[1]);
     }
-    let motion = builder.rest(0.2).finish(name);
-    motion.validate(limits).map(|()| motion)
+    builder.rest(0.2)
 }
 
 /// Longest motion of a file, s.
@@ -353,7 +397,7 @@ mod tests {
             ("time_s,position_rad\n0,0\n1,9\n", "file: ", " 9.000 rad "),
             ("time_s,position_rad\n0,0\n0.1,0.3\n", "file: ", " 3.000 rad/s"),
         ] {
-            let error = parse("file", text, &LIMITS).unwrap_err();
+            let error = parse("file", text, &LIMITS).unwrap_err().to_string();
             assert!(error.starts_with(place) && error.contains(found), "{error}");
             messages += &format!("{error}\n");
         }

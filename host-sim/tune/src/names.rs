@@ -10,6 +10,40 @@ use firmware::parameter_set::ParameterSet;
 use firmware::sensors::SensorParameters;
 use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
+use friction_fit::params::Section;
+use friction_fit::spec::{Spec, SpecError};
+
+/// A section of a set: numbers by name.
+pub(crate) struct SetSection {
+    pub section: Section,
+    pub get: fn(&ParameterSet) -> Vec<f32>,
+    /// Replaces all values.
+    pub put: fn(&mut ParameterSet, &[f32]),
+}
+
+macro_rules! section {
+    ($name:literal, $type:ty, $($field:ident).+) => {
+        SetSection {
+            section: Section { name: $name, fields: &<$type>::NAMES },
+            get: |set| set.$($field).+.to_array().to_vec(),
+            put: |set, values| {
+                if let Ok(values) = values.try_into() {
+                    set.$($field).+ = <$type>::from_array(values);
+                }
+            },
+        }
+    };
+}
+
+/// The sections of a set. The first two belong to the model, the others to the driver.
+pub(crate) const SECTIONS: [SetSection; 6] = [
+    section!("envelope", Envelope, friction.model.envelope),
+    section!("compensator", CompensatorParameters, friction.compensator),
+    section!("motor", MotorParameters, motor),
+    section!("thresholds", Thresholds, thresholds),
+    section!("watch", WatchParameters, watch),
+    section!("sensors", SensorParameters, sensors),
+];
 
 /// Returns every choice of a set with its name.
 pub fn choices(set: &ParameterSet) -> Vec<(String, bool)> {
@@ -55,44 +89,57 @@ pub fn differences(first: &ParameterSet, second: &ParameterSet) -> Vec<(String, 
 /// Returns every number of a set with its name.
 pub fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
     let model = &set.friction.model;
-    let own = ParameterId::ALL.iter().map(|id| (id.name().to_owned(), model.get(*id)));
-    let mut all: Vec<(String, f32)> = own.collect();
-    let mut section = |name: &str, names: &[&str], values: &[f32]| {
-        all.extend(
-            names.iter().zip(values).map(|(field, value)| (format!("{name}.{field}"), *value)),
-        );
-    };
-    section("envelope", &Envelope::NAMES, &model.envelope.to_array());
-    let compensator = set.friction.compensator.to_array();
-    section("compensator", &CompensatorParameters::NAMES, &compensator);
-    section("motor", &MotorParameters::NAMES, &set.motor.to_array());
-    section("thresholds", &Thresholds::NAMES, &set.thresholds.to_array());
-    section("watch", &WatchParameters::NAMES, &set.watch.to_array());
-    section("sensors", &SensorParameters::NAMES, &set.sensors.to_array());
-    all
+    let of_model = ParameterId::ALL.iter().map(|id| (id.name().to_owned(), model.get(*id)));
+    let of_sections = SECTIONS.iter().flat_map(|of| {
+        let names = of.section.fields.iter().map(|field| format!("{}.{field}", of.section.name));
+        names.zip((of.get)(set))
+    });
+    of_model.chain(of_sections).collect()
 }
 
-/// Returns the error message for an unknown parameter, with up to five similar names.
-pub fn unknown(name: &str, all: &[String]) -> String {
-    let last = name.rsplit('.').next().unwrap_or(name);
-    let near: Vec<&str> = all
-        .iter()
-        .map(String::as_str)
-        .filter(|known| known.contains(last) || last.contains(*known))
-        .take(5)
-        .collect();
-    if near.is_empty() {
-        format!("{name}: no such parameter; `params get` lists them")
-    } else {
-        format!("{name}: no such parameter; did you mean {}?", near.join(" or "))
+/// Error of a name or of its value; its message is one line.
+#[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
+pub enum NameError {
+    /// There is no such parameter, only the similar ones.
+    #[error("{name}: no such parameter; {}", match similar.as_slice() {
+        [] => "`params get` lists them".to_owned(),
+        similar => format!("did you mean {}?", similar.join(" or ")),
+    })]
+    Unknown { name: String, similar: Vec<String> },
+    /// There is no such choice.
+    #[error("{name}: no such choice, expected one of {}", Choices::NAMES.join(", "))]
+    Choice { name: String },
+    /// The value is of another type.
+    #[error("{name}: found {found:?}, expected {expected}")]
+    Value { name: String, found: String, expected: &'static str },
+    /// The model is unknown.
+    #[error(transparent)]
+    Model(#[from] SpecError),
+}
+
+impl NameError {
+    /// Returns the error for an unknown parameter, with up to five similar names of all.
+    pub fn unknown(name: &str, all: impl IntoIterator<Item = String>) -> Self {
+        let last = name.rsplit('.').next().unwrap_or(name);
+        let is_similar = |known: &String| known.contains(last) || last.contains(known.as_str());
+        let similar = all.into_iter().filter(is_similar).take(5).collect();
+        Self::Unknown { name: name.to_owned(), similar }
+    }
+
+    /// Returns the error for a value that was found.
+    pub fn value(name: &str, found: &str, expected: &'static str) -> Self {
+        Self::Value { name: name.to_owned(), found: found.to_owned(), expected }
     }
 }
 
 /// Sets the model, a choice or a number of a set from text.
-pub fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String> {
+///
+/// # Errors
+/// See [`NameError`].
+pub fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), NameError> {
     if name == "model" {
-        let spec = friction_fit::spec::Spec::parse(value).map_err(|error| error.to_string())?;
-        let mut model = spec.parameters().map_err(|error| error.to_string())?.convert::<f32>();
+        let mut model = Spec::parse(value)?.parameters()?.convert::<f32>();
         for id in ParameterId::ALL {
             model.set(*id, set.friction.model.get(*id));
         }
@@ -103,63 +150,30 @@ pub fn put(set: &mut ParameterSet, name: &str, value: &str) -> Result<(), String
     }
     if let Some(choice) = name.strip_prefix("choices.") {
         let place = Choices::NAMES.iter().position(|known| *known == choice);
-        let place = place.ok_or_else(|| {
-            format!("{name}: no such choice, expected one of {}", Choices::NAMES.join(", "))
-        })?;
+        let place = place.ok_or_else(|| NameError::Choice { name: name.to_owned() })?;
         let mut choices = set.friction.model.choices.to_array();
-        choices[place] = value
-            .parse()
-            .map_err(|_| format!("{name}: found {value:?}, expected true or false"))?;
+        choices[place] =
+            value.parse().map_err(|_| NameError::value(name, value, "true or false"))?;
         set.friction.model.choices = Choices::from_array(choices);
         return Ok(());
     }
-    let all: Vec<String> = numbers(set).into_iter().map(|(known, _)| known).collect();
-    if !all.iter().any(|known| known == name) {
-        return Err(unknown(name, &all));
+    let mut all = numbers(set).into_iter().map(|(known, _)| known);
+    if !all.any(|known| known == name) {
+        return Err(NameError::unknown(name, numbers(set).into_iter().map(|(known, _)| known)));
     }
-    let number: f32 =
-        value.parse().map_err(|_| format!("{name}: found {value:?}, expected a number"))?;
-    fn change<const N: usize>(fields: [f32; N], names: &[&str], field: &str, to: f32) -> [f32; N] {
-        let mut fields = fields;
-        for (place, name) in fields.iter_mut().zip(names) {
-            if *name == field {
-                *place = to;
-            }
-        }
-        fields
+    let number: f32 = value.parse().map_err(|_| NameError::value(name, value, "a number"))?;
+    if let Some(id) = ParameterId::parse(name) {
+        set.friction.model.set(id, number);
     }
-    match name.split_once('.') {
-        None => {
-            if let Some(id) = ParameterId::parse(name) {
-                set.friction.model.set(id, number);
-            }
+    let (section, field) = name.split_once('.').unwrap_or_default();
+    for of in SECTIONS.iter().filter(|of| of.section.name == section) {
+        let mut values = (of.get)(set);
+        for (value, _) in
+            values.iter_mut().zip(of.section.fields).filter(|(_, known)| **known == field)
+        {
+            *value = number;
         }
-        Some(("envelope", field)) => {
-            let fields = set.friction.model.envelope.to_array();
-            let fields = change(fields, &Envelope::NAMES, field, number);
-            set.friction.model.envelope = Envelope::from_array(fields);
-        }
-        Some(("compensator", field)) => {
-            let fields = set.friction.compensator.to_array();
-            let fields = change(fields, &CompensatorParameters::NAMES, field, number);
-            set.friction.compensator = CompensatorParameters::from_array(fields);
-        }
-        Some(("motor", field)) => {
-            let fields = change(set.motor.to_array(), &MotorParameters::NAMES, field, number);
-            set.motor = MotorParameters::from_array(fields);
-        }
-        Some(("thresholds", field)) => {
-            let fields = change(set.thresholds.to_array(), &Thresholds::NAMES, field, number);
-            set.thresholds = Thresholds::from_array(fields);
-        }
-        Some(("sensors", field)) => {
-            let fields = change(set.sensors.to_array(), &SensorParameters::NAMES, field, number);
-            set.sensors = SensorParameters::from_array(fields);
-        }
-        Some((_, field)) => {
-            let fields = change(set.watch.to_array(), &WatchParameters::NAMES, field, number);
-            set.watch = WatchParameters::from_array(fields);
-        }
+        (of.put)(set, &values);
     }
     Ok(())
 }
@@ -180,7 +194,7 @@ mod tests {
             assert!((after - before).abs() > 0.0 || name.starts_with("thresholds."), "{name}");
         }
         assert!(put(&mut set, "static_tork", "1").is_err());
-        let error = put(&mut set, "scale", "1").unwrap_err();
+        let error = put(&mut set, "scale", "1").unwrap_err().to_string();
         assert!(error.contains("compensator.scale"), "{error}");
         assert!(put(&mut set, "compensator.scale", "much").is_err());
         for (name, on) in choices(&set) {
@@ -188,7 +202,10 @@ mod tests {
         }
         assert!(choices(&set).iter().all(|(_, on)| *on));
         assert!(
-            put(&mut set, "choices.allow_active", "yes").unwrap_err().contains("true or false")
+            put(&mut set, "choices.allow_active", "yes")
+                .unwrap_err()
+                .to_string()
+                .contains("true or false")
         );
     }
 }

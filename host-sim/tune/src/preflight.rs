@@ -173,7 +173,7 @@ fn other_master<B: Bus>(client: &mut Client<B>, node: NodeId) -> Result<(), Refu
         let target = cob_id::RPDO_1 + u16::from(node.number());
         let who = match Message::parse(&frame) {
             Ok(Message::Sync(_)) => "sends SYNC frames (080h)",
-            Ok(Message::Command(own, _)) if own == node => {
+            Ok(Message::Command(addressee, _)) if addressee == node => {
                 "sends commands to this joint (300h + node)"
             }
             _ if frame.identifier() == target => "sends targets to this joint (200h + node)",

@@ -42,8 +42,8 @@ impl Verdict {
 
     /// Returns the gain of the tracking error; 0 without a completed trial.
     pub fn tracking_gain(&self) -> f64 {
-        let found = self.gains.iter().find(|own| own.quantity == TuneQuantity::TrackingRms);
-        found.map_or(0.0, |own| own.gain)
+        let found = self.gains.iter().find(|gain| gain.quantity == TuneQuantity::TrackingRms);
+        found.map_or(0.0, |found| found.gain)
     }
 }
 
@@ -55,19 +55,19 @@ pub fn cost(former: &Scored, new: &Scored) -> f64 {
 
 /// Returns why a block oscillates, compared with one of the former set.
 pub fn oscillates(former: &Scored, new: &Scored) -> Option<String> {
-    let (old, own) = (&former.health, &new.health);
+    let (old, tried) = (&former.health, &new.health);
     let swing = (SWING_RATIO * old.swing_rad).max(SMALL_SWING_RAD);
-    if own.swing_rad > swing {
+    if tried.swing_rad > swing {
         return Some(format!(
             "the joint swings by {:.4} rad at rest with the new set, and by {:.4} rad with the former one",
-            own.swing_rad, old.swing_rad
+            tried.swing_rad, old.swing_rad
         ));
     }
     let step = (CURRENT_STEP_RATIO * old.current_step_a).max(SMALL_CURRENT_STEP_A);
-    (own.current_step_a > step).then(|| {
+    (tried.current_step_a > step).then(|| {
         format!(
             "the current is rough with the new set: {:.3} A from millisecond to millisecond, {:.3} A with the former one",
-            own.current_step_a, old.current_step_a
+            tried.current_step_a, old.current_step_a
         )
     })
 }
@@ -95,7 +95,7 @@ pub type Round = Vec<(TuneArm, Scored)>;
 /// Returns the blocks of two sets as pairs, a round each; none if a set was not tried.
 pub fn pairs(rounds: &[Round], sets: [TuneArm; 2]) -> Vec<[Scored; 2]> {
     let block = |round: &Round, arm: TuneArm| {
-        round.iter().find(|(own, _)| *own == arm).map(|(_, scored)| *scored)
+        round.iter().find(|(tried, _)| *tried == arm).map(|(_, scored)| *scored)
     };
     let pair = |round: &Round| Some([block(round, sets[0])?, block(round, sets[1])?]);
     rounds.iter().filter_map(pair).collect()
@@ -145,32 +145,36 @@ struct Judgement {
 /// Compares two sets from pairs of blocks.
 fn judge(pairs: &[[Scored; 2]], means: &Means) -> Judgement {
     let gains = gains(pairs);
-    let of = |quantity: TuneQuantity| gains.iter().find(|own| own.quantity == quantity);
+    let of = |quantity: TuneQuantity| gains.iter().find(|gain| gain.quantity == quantity);
     let errors = [TuneQuantity::ReversalError, TuneQuantity::TrackingRms];
     let resolution_rad = means.resolution_rad();
-    let is_visible = |own: &&TuneGain| (own.before - own.after).abs() > resolution_rad;
-    let worse =
-        errors.iter().filter_map(|own| of(*own)).filter(is_visible).find(|own| own.ci95[1] < WORSE);
-    let current = of(TuneQuantity::CurrentRms).filter(|own| {
-        own.ci95[1] < -MAX_CURRENT_INCREASE && own.after > CONTINUOUS_SHARE * means.rated_a
+    let is_visible = |gain: &&TuneGain| (gain.before - gain.after).abs() > resolution_rad;
+    let worse = errors
+        .iter()
+        .filter_map(|error| of(*error))
+        .filter(is_visible)
+        .find(|gain| gain.ci95[1] < WORSE);
+    let current = of(TuneQuantity::CurrentRms).filter(|gain| {
+        gain.ci95[1] < -MAX_CURRENT_INCREASE && gain.after > CONTINUOUS_SHARE * means.rated_a
     });
-    let stuck = of(TuneQuantity::StuckTime).filter(|own| own.ci95[1] < WORSE && own.after > 0.05);
-    let why = if let Some(own) = worse.or(current).or(stuck) {
+    let stuck =
+        of(TuneQuantity::StuckTime).filter(|gain| gain.ci95[1] < WORSE && gain.after > 0.05);
+    let why = if let Some(gain) = worse.or(current).or(stuck) {
         format!(
             "the {} is worse by {:.0} % (95 % interval {:.0} to {:.0} %)",
-            own.quantity.in_words(),
-            -100.0 * own.gain,
-            -100.0 * own.ci95[1],
-            -100.0 * own.ci95[0]
+            gain.quantity.in_words(),
+            -100.0 * gain.gain,
+            -100.0 * gain.ci95[1],
+            -100.0 * gain.ci95[0]
         )
     } else if errors
         .iter()
-        .filter_map(|own| of(*own))
+        .filter_map(|error| of(*error))
         .filter(is_visible)
-        .any(|own| own.ci95[0] > MIN_GAIN)
+        .any(|gain| gain.ci95[0] > MIN_GAIN)
     {
         String::new()
-    } else if !errors.iter().filter_map(|own| of(*own)).any(|own| is_visible(&own)) {
+    } else if !errors.iter().filter_map(|error| of(*error)).any(|gain| is_visible(&gain)) {
         format!(
             "both errors change by less than {:.2} mrad, which the encoder may be wrong by: no gain can be proven",
             1e3 * resolution_rad
@@ -178,7 +182,7 @@ fn judge(pairs: &[[Scored; 2]], means: &Means) -> Judgement {
     } else {
         let best = errors
             .iter()
-            .filter_map(|own| of(*own))
+            .filter_map(|error| of(*error))
             .fold(f64::NEG_INFINITY, |a, b| a.max(b.ci95[0]));
         format!(
             "no gain is proven: of the two errors, the larger lower bound of the gain is {:.0} %, and {:.0} % is required",

@@ -75,14 +75,14 @@ impl Recording {
 /// Returns the recordings as a table, a run each, at a fifth of the rate. A covariate that any row lacks is left out.
 pub fn table(recordings: &[Recording]) -> Table {
     let measured = COVARIATES.iter().filter(|(_, value)| {
-        recordings.iter().all(|own| own.rows.iter().all(|row| value(row).is_finite()))
+        recordings.iter().all(|recording| recording.rows.iter().all(|row| value(row).is_finite()))
     });
     let numbers = |value: &dyn Fn(&Row) -> f64| {
-        Cells::Numbers(recordings.iter().flat_map(|own| own.averaged(value)).collect())
+        Cells::Numbers(recordings.iter().flat_map(|recording| recording.averaged(value)).collect())
     };
-    let names = recordings.iter().enumerate().flat_map(|(at, own)| {
-        let name = format!("{} {}", at + 1, own.name);
-        std::iter::repeat_n(name, own.rows.len() / ROWS_AVERAGED)
+    let names = recordings.iter().enumerate().flat_map(|(at, recording)| {
+        let name = format!("{} {}", at + 1, recording.name);
+        std::iter::repeat_n(name, recording.rows.len() / ROWS_AVERAGED)
     });
     let mut columns = vec![("run".to_owned(), Cells::Texts(names.collect()))];
     let name = |quantity: Quantity| quantity.name(JointKind::Revolute).to_owned();
@@ -124,7 +124,7 @@ pub fn emit_csv(recording: &Recording) -> String {
 /// Returns the first four bytes of the SHA-256 of all rows: the identity of a session's runs.
 pub fn identity(recordings: &[(Recording, String)]) -> u32 {
     let mut digest = Sha256::new();
-    for row in recordings.iter().flat_map(|(own, _)| &own.rows) {
+    for row in recordings.iter().flat_map(|(recording, _)| &recording.rows) {
         for number in [row.time_s, row.position_rad, row.velocity_rad_s, row.torque_nm] {
             digest.update(number.to_le_bytes());
         }
@@ -138,7 +138,7 @@ pub fn constant_covariates(recordings: &[Recording]) -> Vec<String> {
     const VARIATION: f64 = 0.02;
     let names = ["side load", "pressure", "temperature"];
     let said = COVARIATES.iter().zip(names).filter_map(|((_, value), name)| {
-        let values = || recordings.iter().flat_map(|own| &own.rows).map(value);
+        let values = || recordings.iter().flat_map(|recording| &recording.rows).map(value);
         if values().any(|value| !value.is_finite()) {
             return Some(format!("{name} is not measured: its effect is unknown"));
         }
@@ -172,7 +172,7 @@ mod tests {
     fn table_averages_rows_and_leaves_out_what_is_not_measured() {
         let table = table(&[recording(|_| 1e5), recording(|_| 2e5)]);
         let column = |name: &str| {
-            let found = table.columns.iter().find(|(own, _)| own == name);
+            let found = table.columns.iter().find(|(known, _)| known == name);
             found.map(|(_, cells)| cells.clone())
         };
         assert!(table.columns.iter().all(|(_, cells)| cells.len() == 40));

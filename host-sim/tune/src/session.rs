@@ -13,16 +13,17 @@ mod work;
 
 use crate::learn::Learnt;
 use crate::master::{Master, MasterError};
-use crate::motion::{Motion, MotionLimits, standard};
+use crate::motion::{Motion, MotionError, MotionLimits, standard};
 use crate::preflight::{Found, Purpose, Refusal, examine};
 use crate::recording::Recording;
 use crate::trial_set::{self, TrialError, TunedSet};
 use compensator_core::can::NodeId;
 use firmware::parameter_set::ParameterSet;
+use friction_diagnose::prepare;
 use friction_results::tune::{TuneOutcome, TuneReport};
 use joint_bus::bus::Bus;
 use joint_bus::canopen::Client;
-use work::{Ended, Work, least_seconds};
+use work::{Work, least_seconds};
 
 /// What is asked of a session.
 #[derive(Clone, Debug)]
@@ -54,8 +55,8 @@ pub enum TuneError {
     #[error(transparent)]
     Refused(#[from] Refusal),
     /// The motion of the trial is outside its bounds.
-    #[error("{0}")]
-    Motion(String),
+    #[error(transparent)]
+    Motion(#[from] MotionError),
     /// A move by hand ended early.
     #[error(transparent)]
     Master(#[from] MasterError),
@@ -65,6 +66,26 @@ pub enum TuneError {
     /// The user declined.
     #[error("cancelled; nothing was changed")]
     Declined,
+}
+
+/// Reason why a session ends before its proof; one line.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// A motion ended early.
+    #[error(transparent)]
+    Master(#[from] MasterError),
+    /// A set is not on trial.
+    #[error(transparent)]
+    Trial(#[from] TrialError),
+    /// The joint must not be moved.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// Nothing was learnt from the recordings.
+    #[error(transparent)]
+    Learning(#[from] prepare::Error),
+    /// There is no set to save.
+    #[error("no set was tried")]
+    NothingTried,
 }
 
 /// Everything that a session recorded and decided.
@@ -112,17 +133,18 @@ pub fn tune<B: Bus>(
 ) -> Result<Session, TuneError> {
     let limits = options.limits;
     let motion = options.motion.clone().unwrap_or_else(|| standard(&limits));
-    motion.validate(&limits).map_err(TuneError::Motion)?;
+    motion.validate(&limits)?;
     let before = examine(&mut client, options.node, &limits, Purpose::Tune)?;
     if !user.confirms(&question(options, &motion, &before)) {
         return Err(TuneError::Declined);
     }
     let began_ns = client.bus().now_ns();
     let master = Master::new(client, options.node, limits, is_interrupted);
-    let mut work = Work::new(master, options, motion, before, began_ns);
-    work.begin()?;
-    let ended = work.run(user);
-    Ok(work.finish(ended, user))
+    let mut work = Work::new(master, options, motion, before, began_ns, user);
+    // The drive refuses it unless its active parameters are the stored ones. Nothing has moved.
+    trial_set::open(&mut work.master)?;
+    let ended = work.run();
+    Ok(work.finish(ended))
 }
 
 /// Returns true if laws that can give out energy are tried: the user or the stored set permits them.
@@ -161,17 +183,14 @@ pub fn performed<B: Bus>(
     origin_rad: f64,
     tuned: &TunedSet,
     motion: &Motion,
-) -> Result<Recording, String> {
+) -> Result<Recording, SessionError> {
     let mut master = Master::new(client, options.node, options.limits, Box::new(|| false));
-    let mut perform = || -> Result<Recording, Ended> {
-        master.configure()?;
-        trial_set::write(&mut master, tuned)?;
-        master.enable()?;
-        master.approach(origin_rad, 0.3 * options.limits.speed_rad_s)?;
-        let recording = master.play(motion, origin_rad)?;
-        master.disable()?;
-        master.leave()?;
-        Ok(recording)
-    };
-    perform().map_err(|error| error.to_string())
+    master.configure()?;
+    trial_set::write(&mut master, tuned)?;
+    master.enable()?;
+    master.approach(origin_rad, 0.3 * options.limits.speed_rad_s)?;
+    let recording = master.play(motion, origin_rad)?;
+    master.disable()?;
+    master.leave()?;
+    Ok(recording)
 }

@@ -11,6 +11,7 @@ use firmware::parameter_set::ParameterSet;
 use joint_bus::bus::Bus;
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::parameters::{ParametersError, write_set};
+use std::time::Duration;
 
 pub use firmware::node::dictionary::index::TRIAL;
 /// Entry with the time to the deadline, ms; a write opens or renews the trial.
@@ -30,6 +31,8 @@ const OPEN: u32 = 1;
 const KEPT: u32 = 2;
 /// State of a joint that still stops before the stored set returns.
 const RETURNING: u32 = 7;
+/// Time between two questions whether the stored set is back.
+const RETURN_POLL: Duration = Duration::from_millis(20);
 /// Longest time until the stored set is back, ns.
 const RETURN_NS: u64 = 12_000_000_000;
 
@@ -73,7 +76,7 @@ pub fn open<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
     let at = Address::new(TRIAL, DEADLINE);
     // Longer than a change of the set takes on a slow bus; the next renewal shortens it.
     master.client().write(at, &(5 * TRIAL_DEADLINE_MS).to_le_bytes())?;
-    master.renew_trial(true);
+    master.set_trial(true);
     Ok(())
 }
 
@@ -106,7 +109,6 @@ pub fn write<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), Tri
 /// # Errors
 /// The drive does not answer, or still has another set after some seconds.
 pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
-    master.renew_trial(false);
     let state = Address::new(TRIAL, STATE);
     if master.client().read_number(state)? == OPEN {
         master.client().write(Address::new(TRIAL, ORDER), &[RETURN])?;
@@ -115,15 +117,15 @@ pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
     loop {
         match master.client().read_number(state)? {
             OPEN | RETURNING if master.client().bus().now_ns() < until_ns => {
-                let next_ns = master.client().bus().now_ns() + 20_000_000;
-                while master.client().bus().receive(next_ns).map_err(MasterError::from)?.is_some() {
-                }
+                master.client().bus().discard_within(RETURN_POLL).map_err(MasterError::from)?;
             }
             OPEN | RETURNING => return Err(TrialError::Returned("not yet: the joint still moves")),
             KEPT => return Err(TrialError::Kept),
-            _ => return Ok(()),
+            _ => break,
         }
     }
+    master.set_trial(false);
+    Ok(())
 }
 
 /// Returns why a trial has ended.
@@ -175,7 +177,7 @@ pub fn keep_and_save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<
     if ordered.is_err() && !matches!(client.read_number(Address::new(TRIAL, STATE)), Ok(KEPT)) {
         return Ok(ordered?);
     }
-    master.renew_trial(false);
+    master.set_trial(false);
     Ok(())
 }
 
@@ -196,11 +198,24 @@ pub fn record<B: Bus>(client: &mut Client<B>) -> Result<Option<Record>, SdoError
     Ok((record.tuned_crc != 0).then_some(record))
 }
 
-/// Brings the former set of the last tuning back, and stores it. The joint must be disarmed.
+/// Reason why a tuning is not undone; one line.
+#[derive(Debug, thiserror::Error)]
+pub enum UndoError {
+    /// The joint holds no former set.
+    #[error("nothing to undo: its parameters are not those of a tuning")]
+    NotTuned,
+    /// The joint refuses, or does not answer.
+    #[error(transparent)]
+    Object(#[from] SdoError),
+}
+
+/// Brings the former set of the last tuning back, and stores it. The joint must be disarmed. Returns the record of the tuning.
 ///
 /// # Errors
 /// The joint does not hold the former set any more, with its reason, or does not answer.
-pub fn undo<B: Bus>(client: &mut Client<B>) -> Result<(), SdoError> {
+pub fn undo<B: Bus>(client: &mut Client<B>) -> Result<Record, UndoError> {
+    let record = record(client)?.ok_or(UndoError::NotTuned)?;
     client.write(Address::new(index::TUNING, 7), &[1])?;
-    client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes())
+    client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes())?;
+    Ok(record)
 }

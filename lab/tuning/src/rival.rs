@@ -65,7 +65,8 @@ impl Rival {
         let options = super::options(0, super::LIMITS);
         let perform = |tuned: &TunedSet| -> Result<[f64; 4], String> {
             let origin_rad = session.before.position_rad;
-            let recording = performed(stand.client(), &options, origin_rad, tuned, &self.motion)?;
+            let recording = performed(stand.client(), &options, origin_rad, tuned, &self.motion)
+                .map_err(|error| error.to_string())?;
             let truth = stand.truth().scored(&recording).scores;
             let shown = score(&recording, 1.0).scores;
             Ok([truth[0], truth[1], shown[0], shown[1]])

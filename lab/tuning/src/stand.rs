@@ -143,7 +143,8 @@ impl Stand {
     /// # Errors
     /// Returns one line if the set is rejected.
     pub fn new(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, String> {
-        Ok(Self::with_node(MotorNode::drawn(joint, set)?, LIBRARY_REPORT_AGE_MS))
+        let node = MotorNode::drawn(joint, set).map_err(|error| error.to_string())?;
+        Ok(Self::with_node(node, LIBRARY_REPORT_AGE_MS))
     }
 
     /// Starts with a joint on another driver, such as an emulated board ([`MotorNode::drawn_on`]), whose reports have this age
@@ -226,6 +227,7 @@ impl Stand {
         let origin_rad = self.node.borrow().plant().position_rad();
         let motion = standard(&LIMITS);
         performed(self.client(), &options(0, LIMITS), origin_rad, &tuned, &motion)
+            .map_err(|error| error.to_string())
     }
 
     /// Runs a session.

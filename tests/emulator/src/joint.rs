@@ -20,8 +20,8 @@ use firmware::panic_note::{PanicNote, Part};
 use firmware::sensors::thermistor::Thermistor;
 use firmware::supervisor::{CodeSet, ResetCause};
 use joint_rig::{
-    InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigFaults, Stage, codes_from_bits,
-    stored_flash,
+    InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigError, RigFaults, Stage,
+    codes_from_bits, stored_flash,
 };
 use joint_trace::CanFrame;
 use simulated_machines::joint_plant::{JointPlant, Load, Measured, Parameters};
@@ -573,7 +573,7 @@ impl RigDriver for BoardDriver {
         self.end_run(reset::POWER | reset::PIN);
     }
 
-    fn restart(&mut self) -> Result<(), String> {
+    fn restart(&mut self) -> Result<(), RigError> {
         let old = self.machine.chip_mut();
         // The joint goes on with the new chip, so that the old one needs another.
         let unused = JointPlant::new(&Parameters::default(), Load::Free, 0);
@@ -582,7 +582,7 @@ impl RigDriver for BoardDriver {
         chip.clock.set_reset_flags(self.reset_flags);
         let has_memory = self.reset_flags & reset::POWER == 0;
         let restarted = self.machine.restarted(chip, has_memory);
-        self.machine = restarted.map_err(|error| error.to_string())?;
+        self.machine = restarted.map_err(|why| RigError::Restart(why.into()))?;
         self.frames.clear();
         (self.is_reset, self.is_silent, self.ahead) = (false, false, 0);
         self.run(MILLISECOND_CYCLES);

@@ -4,9 +4,11 @@
 //! handshake. It is also locked, so that two programs do not share an adapter by mistake.
 
 use super::address::Address;
+use super::open_error::OpenError;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::termios::{self, ControlModes, OptionalActions, QueueSelector, SpecialCodeIndex};
+use std::fmt::Debug;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -19,37 +21,36 @@ use std::time::Duration;
 /// Time limit for a TCP connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 
+/// A stream of the operating system.
+trait Stream: Read + Write + AsFd + Debug {}
+
+impl<S: Read + Write + AsFd + Debug> Stream for S {}
+
 /// An open byte stream.
 #[derive(Debug)]
-pub(super) enum Link {
-    Serial(File),
-    Tcp(TcpStream),
-    Local(UnixStream),
-}
+pub(super) struct Link(Box<dyn Stream>);
 
 impl Link {
     /// Opens the stream at an address.
     ///
     /// # Errors
     /// Returns the reason and the remedy.
-    pub(super) fn open(address: &Address) -> Result<Self, String> {
+    pub(super) fn open(address: &Address) -> Result<Self, OpenError> {
         match address {
             Address::Tcp(host) => connect(host),
             Address::Path { path, baud } => {
                 let kind = fs::metadata(path).map_err(|error| match error.kind() {
-                    ErrorKind::NotFound => {
-                        "no such device or socket; check that it is connected".into()
-                    }
-                    _ => error.to_string(),
+                    ErrorKind::NotFound => OpenError::NoDevice,
+                    _ => error.into(),
                 })?;
                 if kind.file_type().is_socket() {
-                    let stream = UnixStream::connect(path).map_err(|error| error.to_string())?;
-                    stream.set_nonblocking(true).map_err(|error| error.to_string())?;
-                    Ok(Self::Local(stream))
+                    let stream = UnixStream::connect(path)?;
+                    stream.set_nonblocking(true)?;
+                    Ok(Self(Box::new(stream)))
                 } else if kind.file_type().is_char_device() {
-                    serial(path, *baud).map(Self::Serial)
+                    Ok(Self(Box::new(serial(path, *baud)?)))
                 } else {
-                    Err("neither a serial device nor a socket".into())
+                    Err(OpenError::NoStream)
                 }
             }
         }
@@ -57,38 +58,18 @@ impl Link {
 
     /// Reads the available bytes. Returns `None` if there are none, and 0 if the other end is closed.
     pub(super) fn read(&mut self, bytes: &mut [u8]) -> io::Result<Option<usize>> {
-        let read = match self {
-            Self::Serial(file) => file.read(bytes),
-            Self::Tcp(stream) => stream.read(bytes),
-            Self::Local(stream) => stream.read(bytes),
-        };
-        would_block(read)
+        would_block(self.0.read(bytes))
     }
 
     /// Writes as many bytes as there is room for. Returns `None` if there is none.
     pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<Option<usize>> {
-        let written = match self {
-            Self::Serial(file) => file.write(bytes),
-            Self::Tcp(stream) => stream.write(bytes),
-            Self::Local(stream) => stream.write(bytes),
-        };
-        would_block(written)
+        would_block(self.0.write(bytes))
     }
 
     /// Waits until there are bytes to read, or room to write if `write` is set.
     pub(super) fn wait(&self, write: bool, time: Duration) -> io::Result<()> {
         let flags = if write { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
-        wait(self.as_fd(), flags, time).map(|_| ())
-    }
-}
-
-impl AsFd for Link {
-    fn as_fd(&self) -> BorrowedFd<'_> {
-        match self {
-            Self::Serial(file) => file.as_fd(),
-            Self::Tcp(stream) => stream.as_fd(),
-            Self::Local(stream) => stream.as_fd(),
-        }
+        wait(self.0.as_fd(), flags, time).map(|_| ())
     }
 }
 
@@ -115,46 +96,43 @@ fn would_block(done: io::Result<usize>) -> io::Result<Option<usize>> {
     }
 }
 
-fn connect(host: &str) -> Result<Link, String> {
-    let mut why = "unknown host".to_owned();
-    for address in host.to_socket_addrs().map_err(|error| error.to_string())? {
+fn connect(host: &str) -> Result<Link, OpenError> {
+    let mut why = OpenError::UnknownHost;
+    for address in host.to_socket_addrs()? {
         let connected = TcpStream::connect_timeout(&address, CONNECT_TIMEOUT).and_then(|stream| {
             stream.set_nodelay(true)?;
             stream.set_nonblocking(true)?;
             Ok(stream)
         });
         match connected {
-            Ok(stream) => return Ok(Link::Tcp(stream)),
-            Err(error) => why = error.to_string(),
+            Ok(stream) => return Ok(Link(Box::new(stream))),
+            Err(error) => why = error.into(),
         }
     }
     Err(why)
 }
 
-fn serial(path: &Path, baud: Option<u32>) -> Result<File, String> {
+fn serial(path: &Path, baud: Option<u32>) -> Result<File, OpenError> {
     // Does not wait for a carrier, and does not become the controlling terminal.
     let flags = OFlags::NOCTTY | OFlags::NONBLOCK;
     let file = (OpenOptions::new().read(true).write(true))
         .custom_flags(flags.bits() as i32)
         .open(path)
         .map_err(|error| match error.kind() {
-            ErrorKind::PermissionDenied => {
-                format!("{error}; join the group of the device (often dialout) or run as root")
-            }
-            _ => error.to_string(),
+            ErrorKind::PermissionDenied => OpenError::Denied(error),
+            _ => error.into(),
         })?;
-    let mut line = termios::tcgetattr(&file).map_err(|_| "not a serial device".to_owned())?;
-    file.try_lock().map_err(|_| "in use by another program".to_owned())?;
+    let mut line = termios::tcgetattr(&file).map_err(|_| OpenError::NotSerial)?;
+    file.try_lock().map_err(|_| OpenError::InUse)?;
     line.make_raw();
     line.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
     line.control_modes -= ControlModes::CRTSCTS | ControlModes::CSTOPB;
     line.special_codes[SpecialCodeIndex::VMIN] = 1;
     line.special_codes[SpecialCodeIndex::VTIME] = 0;
     if let Some(baud) = baud {
-        line.set_speed(baud).map_err(|_| format!("the device has no baud rate of {baud}"))?;
+        line.set_speed(baud).map_err(|_| OpenError::BaudRate(baud))?;
     }
     let set = termios::tcsetattr(&file, OptionalActions::Now, &line);
-    set.and_then(|()| termios::tcflush(&file, QueueSelector::IOFlush))
-        .map_err(|error| error.to_string())?;
+    set.and_then(|()| termios::tcflush(&file, QueueSelector::IOFlush)).map_err(io::Error::from)?;
     Ok(file)
 }

@@ -89,8 +89,8 @@ impl BusName {
             Self::SocketCan(interface) => Ok(Box::new(super::socket::SocketCan::open(interface)?)),
             #[cfg(not(target_os = "linux"))]
             Self::SocketCan(interface) => {
-                let why = "CAN interfaces need Linux; use slcan:PATH or loop";
-                Err(BusError::Open { name: interface.clone(), why: why.into() })
+                let source = super::OpenError::NeedsLinux;
+                Err(BusError::Open { name: interface.clone(), source })
             }
         }
     }

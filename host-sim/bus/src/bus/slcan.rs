@@ -8,7 +8,7 @@
 use super::address::Address;
 use super::bits::padded;
 use super::link::Link;
-use super::{Bus, BusError, Counters, Received, SEND_TIMEOUT, WallClock};
+use super::{Bus, BusError, Counters, OpenError, Received, SEND_TIMEOUT, WallClock};
 use compensator_core::can::slcan::{
     AdapterCommand, BitRate, FrameHeader, FrameKind, FrameView, LinePiece, LineSplitter,
     MAX_LINE_BYTES, SlcanLine, emit, emit_command, parse,
@@ -63,7 +63,7 @@ impl Slcan {
     /// Returns [`BusError::Open`] if there is no adapter or it refuses.
     pub fn open(address: &Address, options: Options) -> Result<Self, BusError> {
         let name = format!("slcan:{address}");
-        let error = |why: String| BusError::Open { name: name.clone(), why };
+        let error = |source| BusError::Open { name: name.clone(), source };
         let mut bus = Self {
             link: Link::open(address).map_err(error)?,
             name: name.clone(),
@@ -84,7 +84,7 @@ impl Slcan {
             bus.command(command)?;
             bus.wait_for_answer()?;
             if bus.decoder.answer == Some(false) {
-                return Err(error(format!("the adapter refuses {command:?}")));
+                return Err(error(OpenError::Refused(command)));
             }
         }
         bus.decoder.counters = Counters::default();

@@ -9,7 +9,7 @@
 //! * If the queue of the interface is full (ENOBUFS, which poll does not report), sending retries for up to a second.
 
 use super::link::wait;
-use super::{Bus, BusError, Counters, Received, SEND_TIMEOUT, WallClock, nanoseconds};
+use super::{Bus, BusError, Counters, OpenError, Received, SEND_TIMEOUT, WallClock, nanoseconds};
 use joint_trace::CanFrame;
 use nix::sys::socket::{ControlMessageOwned, MsgFlags, MultiHeaders, RecvMsg, recvmmsg};
 use nix::sys::time::TimeSpec;
@@ -74,7 +74,7 @@ impl SocketCan {
     /// # Errors
     /// Returns [`BusError::Open`] with the command that corrects the cause.
     pub fn open(interface: &str) -> Result<Self, BusError> {
-        let error = |why: String| BusError::Open { name: interface.into(), why };
+        let error = |source| BusError::Open { name: interface.into(), source };
         inspect(interface).map_err(error)?;
         let socket =
             CanFdSocket::open(interface).map_err(|cause| error(open_error(interface, cause)))?;
@@ -83,7 +83,7 @@ impl SocketCan {
             socket.set_recv_timestamp(true)?;
             socket.set_error_filter_accept_all()
         };
-        set().map_err(|cause| error(cause.to_string()))?;
+        set().map_err(|cause: io::Error| error(cause.into()))?;
         // Only root may exceed the administrator's limit.
         if sockopt::set_socket_recv_buffer_size_force(&socket, RECEIVE_BUFFER_BYTES).is_err() {
             let _ = sockopt::set_socket_recv_buffer_size(&socket, RECEIVE_BUFFER_BYTES);
@@ -244,39 +244,25 @@ fn property(interface: &str, what: &str) -> Option<u32> {
 }
 
 /// Checks the type and state of an interface.
-fn inspect(interface: &str) -> Result<(), String> {
+fn inspect(interface: &str) -> Result<(), OpenError> {
     let Some(kind) = property(interface, "type") else { return Ok(()) };
     if kind != CAN_INTERFACE_TYPE {
-        return Err("not a CAN interface".into());
+        return Err(OpenError::OtherInterface);
     }
     let up = property(interface, "flags").is_none_or(|flags| flags & 1 == 1);
-    if up { Ok(()) } else { Err(format!("the interface is down; {}", bring_up(interface))) }
+    if up { Ok(()) } else { Err(OpenError::Down(interface.into())) }
 }
 
 /// Returns the reason why an interface cannot be opened, and the remedy.
-fn open_error(interface: &str, cause: io::Error) -> String {
+fn open_error(interface: &str, cause: io::Error) -> OpenError {
     // The kernel looks up the name first, so without CAN support it reports an unknown interface.
     let family = socket(AddressFamily::CAN, SocketType::RAW, None);
     if matches!(family, Err(Errno::AFNOSUPPORT)) {
-        return "this kernel has no CAN; modprobe can-raw vcan, or use loop or slcan:".into();
+        return OpenError::NoCan;
     }
     match Errno::from_io_error(&cause) {
-        Some(Errno::NODEV | Errno::NXIO) if interface.starts_with("vcan") => format!(
-            "no such interface; ip link add dev {interface} type vcan && {}",
-            bring_up(interface)
-        ),
-        Some(Errno::NODEV | Errno::NXIO) => {
-            "no such interface; ip link lists the existing ones".into()
-        }
-        _ => cause.to_string(),
-    }
-}
-
-fn bring_up(interface: &str) -> String {
-    if interface.starts_with("vcan") {
-        format!("ip link set {interface} mtu 72 up")
-    } else {
-        format!("ip link set {interface} up type can bitrate 1000000")
+        Some(Errno::NODEV | Errno::NXIO) => OpenError::NoInterface(interface.into()),
+        _ => cause.into(),
     }
 }
 

@@ -10,6 +10,7 @@ use canopen_rs::Address;
 use firmware::access::Key;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AccessObject;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Abort code of a write that needs the service level.
@@ -21,33 +22,56 @@ const WAIT: u32 = 0x0800_0022;
 /// Environment variable with the file of the key, for tools.
 pub const KEY_VARIABLE: &str = "FRICTION_JOINT_KEY";
 
+/// Error of the file of a joint's key; its message is one line.
+#[derive(Debug, thiserror::Error)]
+pub enum KeyFileError {
+    /// It cannot be read.
+    #[error("key {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The error.
+        source: io::Error,
+    },
+    /// It holds a key of another kind.
+    #[error(
+        "key {0}: a key that signs programs; expected the key of the joint, 32 hexadecimal digits"
+    )]
+    SigningKey(PathBuf),
+    /// It holds no key.
+    #[error(
+        "key {path}: {found} bytes that are no key; expected 32 hexadecimal digits, as of `head -c 16 /dev/urandom | xxd -p`"
+    )]
+    NoKey {
+        /// The file.
+        path: PathBuf,
+        /// Number of its bytes.
+        found: usize,
+    },
+}
+
 /// Reads the key of a joint from a file.
 ///
 /// # Errors
-/// Returns one line if the file cannot be read or has other contents.
-pub fn read_key(path: &Path) -> Result<Key, String> {
-    let name = path.display();
-    let bytes = std::fs::read(path).map_err(|error| format!("key {name}: {error}"))?;
+/// See [`KeyFileError`].
+pub fn read_key(path: &Path) -> Result<Key, KeyFileError> {
+    let failed = |source| KeyFileError::Read { path: path.into(), source };
+    let bytes = std::fs::read(path).map_err(failed)?;
     let text = str::from_utf8(&bytes).unwrap_or_default().trim();
     let is_key = text.len() == 2 * Key::LENGTH && text.bytes().all(|byte| byte.is_ascii_hexdigit());
     let number = u128::from_str_radix(text, 16).ok().filter(|_| is_key);
-    let number = number.ok_or_else(|| {
-        if text.starts_with("ed25519-") {
-            return format!("key {name}: a key that signs programs; expected the key of the joint, 32 hexadecimal digits");
-        }
-        let found = bytes.len();
-        format!(
-            "key {name}: {found} bytes that are no key; expected 32 hexadecimal digits, as of `head -c 16 /dev/urandom | xxd -p`"
-        )
-    })?;
-    Ok(Key::new(number.to_be_bytes()))
+    match number {
+        Some(number) => Ok(Key::new(number.to_be_bytes())),
+        None if text.starts_with("ed25519-") => Err(KeyFileError::SigningKey(path.into())),
+        None => Err(KeyFileError::NoKey { path: path.into(), found: bytes.len() }),
+    }
 }
 
 /// Returns the key of a file; without one, that of the file that [`KEY_VARIABLE`] names, or the public default key.
 ///
 /// # Errors
-/// Returns one line if the file cannot be read or has other contents.
-pub fn key_of(file: Option<&Path>) -> Result<Key, String> {
+/// See [`KeyFileError`].
+pub fn key_of(file: Option<&Path>) -> Result<Key, KeyFileError> {
     let named = std::env::var_os(KEY_VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
     file.or(named.as_deref()).map_or(Ok(Key::DEFAULT), read_key)
 }

@@ -3,14 +3,28 @@
 use super::rows::Setting;
 use super::view_data::EventKind;
 use super::{RECEIVE_STEP_NS, Session};
-use crate::bus::Bus;
+use crate::bus::{Bus, BusError};
 use std::time::{Duration, Instant};
 
 /// Time between two attempts to reopen a closed bus.
 const REOPEN_PERIOD: Duration = Duration::from_secs(2);
 
+/// Reason why a closed bus is not opened again.
+#[derive(Debug, thiserror::Error)]
+pub enum ReopenError {
+    /// The simulation in this process has ended.
+    #[error("the demo has ended; start monitor again")]
+    DemoEnded,
+    /// Opening the record again would overwrite it.
+    #[error("the bus was closed; the recording is kept; start monitor again")]
+    RecordKept,
+    /// The bus cannot be opened.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
 /// The opened bus, or why it cannot be opened.
-pub type Opened = Result<Box<dyn Bus>, String>;
+pub type Opened = Result<Box<dyn Bus>, ReopenError>;
 
 /// The bus of a screen, which is reopened after it was closed.
 pub struct Connection {
@@ -79,7 +93,7 @@ impl Connection {
                 session.joint.log(session.now_ns, EventKind::Good, "the bus is back");
                 session.sdo_poller.wake(session.now_ns);
             }
-            Err(why) => setting.gone = Some(why),
+            Err(why) => setting.gone = Some(why.to_string()),
         }
         self.tried = Instant::now();
     }

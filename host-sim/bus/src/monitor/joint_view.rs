@@ -147,12 +147,12 @@ impl JointView {
         }
         let mut has_news = false;
         for frame in frame.joint_frames() {
-            has_news |= self.receive_own(&frame, time_ns);
+            has_news |= self.receive_joint_frame(&frame, time_ns);
         }
         has_news
     }
 
-    fn receive_own(&mut self, frame: &Frame, time_ns: u64) -> bool {
+    fn receive_joint_frame(&mut self, frame: &Frame, time_ns: u64) -> bool {
         let number = u16::from(self.node.number());
         let identifier = frame.identifier();
         let is_joints = matches!(identifier.wrapping_sub(number), 0x080 | 0x180 | 0x280 | 0x380)

@@ -166,8 +166,8 @@ mod tests {
             port.send(&CanFrame::from(frame)).unwrap();
             let until_ns = port.now_ns() + 100_000_000;
             let mut frames = std::iter::from_fn(|| port.receive(until_ns).unwrap());
-            let reply =
-                frames.find_map(|own| own.frame.to_joint().filter(|f| f.identifier() == 0x581));
+            let reply = frames
+                .find_map(|received| received.frame.to_joint().filter(|f| f.identifier() == 0x581));
             // 60h confirms a download; 80h would refuse it.
             assert_eq!(reply.expect("a reply").data()[..4], [0x60, data[1], data[2], data[3]]);
         }

@@ -1,9 +1,9 @@
 //! The plain view: one screen of text, redrawn in place without a library for terminals.
 
-use super::Session;
 use super::connection::{Connection, Opened};
 use super::rows::{self, Mark, Row, Setting, part};
 use super::view_data::{Lens, View};
+use super::{MonitorError, Session};
 use crate::bus::Bus;
 use std::io::{ErrorKind, Write};
 use std::time::{Duration, Instant};
@@ -37,7 +37,7 @@ pub fn run_plain(
     terminal: impl Fn() -> Terminal,
     mut open: impl FnMut() -> Opened,
     mut is_over: impl FnMut(f64) -> bool,
-) -> Result<(), String> {
+) -> Result<(), MonitorError> {
     let listen = session.only_listens();
     let mut connection = Connection::new(bus, session);
     let mut drawn: Option<(Instant, usize)> = None;
@@ -53,7 +53,7 @@ pub fn run_plain(
             match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
                 Ok(()) => {}
                 Err(error) if is_closed(&error) => return Ok(()),
-                Err(error) => return Err(format!("terminal: {error}")),
+                Err(error) => return Err(MonitorError::Terminal(error)),
             }
             drawn = Some((Instant::now(), rows.len()));
         }

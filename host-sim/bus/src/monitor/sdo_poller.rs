@@ -172,13 +172,9 @@ impl SdoPoller {
 
     /// Pauses sending, because the bus had no room.
     pub fn bus_is_full(&mut self, now_ns: u64) {
-        self.drop_round();
+        self.round.clear();
         self.pending = None;
         self.hold_until_ns = now_ns.saturating_add(FULL_BUS_PAUSE_NS);
-    }
-
-    fn drop_round(&mut self) {
-        self.round.clear();
     }
 
     /// Returns the frame to send now, and the result of a request without an answer.
@@ -197,7 +193,7 @@ impl SdoPoller {
                     Some(SdoReply::Refused(request, code, reason_in_words(&text)))
                 }
                 Job::Read => {
-                    self.drop_round();
+                    self.round.clear();
                     self.pace_ns = (2 * self.pace_ns).min(MAX_POLL_PERIOD_NS);
                     self.next_round_ns = now_ns + self.pace_ns;
                     None
@@ -220,7 +216,7 @@ impl SdoPoller {
         // A request does not wait for the answer to a poll.
         let reading = matches!(&self.pending, Some(Pending { job: Job::Read, .. }) | None);
         if reading && let Some(request) = self.requests.pop_front() {
-            self.drop_round();
+            self.round.clear();
             let at = Address::new(index::STATE, 1);
             self.await_answer(at, Job::Write(request), now_ns);
             let [low, high] = at.index.to_le_bytes();
@@ -250,7 +246,7 @@ impl SdoPoller {
             let of_trace = matches!(Message::parse(frame), Ok(Message::Entry(..)));
             let hold_ns = if of_trace { TRACE_PAUSE_NS } else { OTHER_CLIENT_PAUSE_NS };
             self.hold_until_ns = self.hold_until_ns.max(now_ns + hold_ns);
-            self.drop_round();
+            self.round.clear();
             return None;
         }
         if frame.identifier() != cob_id::SDO_ANSWER + number {

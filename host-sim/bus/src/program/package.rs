@@ -46,13 +46,33 @@ pub enum PackageError {
     #[error("{0}: a package differs from its hash or CRC; the file is damaged")]
     Damaged(PathBuf),
     /// The ELF file cannot be used.
-    #[error("{path}: {why}")]
+    #[error("{path}: {source}")]
     Elf {
         /// The file.
         path: PathBuf,
         /// The reason.
-        why: String,
+        source: ImageError,
     },
+}
+
+/// Reason why an ELF file is no image.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// It is of another kind.
+    #[error("no ELF file, as cargo builds an image")]
+    NoElf,
+    /// Its headers are damaged.
+    #[error(transparent)]
+    Elf(#[from] object::read::Error),
+    /// It is not of this firmware.
+    #[error("it does not state its board; expected an image of this firmware")]
+    NoBoard,
+    /// It ends within a part.
+    #[error("a part of it is missing")]
+    PartMissing,
+    /// No part is loaded.
+    #[error("no code")]
+    NoCode,
 }
 
 /// Code of an image as it lies in flash.
@@ -199,11 +219,7 @@ pub fn read_image(path: &Path) -> Result<Code, PackageError> {
 /// # Errors
 /// Its ELF structure cannot be used.
 pub fn parse_image(path: &Path, data: &[u8]) -> Result<Code, PackageError> {
-    let failed = |why: String| PackageError::Elf { path: path.to_owned(), why };
-    if !data.starts_with(&ELF_MAGIC) {
-        return Err(failed("no ELF file, as cargo builds an image".into()));
-    }
-    code_of(data).map_err(failed)
+    code_of(data).map_err(|source| PackageError::Elf { path: path.to_owned(), source })
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, PackageError> {
@@ -219,15 +235,17 @@ fn board_of(file: &ElfFile32<Endianness>) -> Option<Board> {
 }
 
 /// Returns the code of an ELF file: the longest run of its loaded parts.
-fn code_of(data: &[u8]) -> Result<Code, String> {
-    let file = ElfFile32::<Endianness>::parse(data).map_err(|error| error.to_string())?;
-    let board =
-        board_of(&file).ok_or("it does not state its board; expected an image of this firmware")?;
+fn code_of(data: &[u8]) -> Result<Code, ImageError> {
+    if !data.starts_with(&ELF_MAGIC) {
+        return Err(ImageError::NoElf);
+    }
+    let file = ElfFile32::<Endianness>::parse(data)?;
+    let board = board_of(&file).ok_or(ImageError::NoBoard)?;
     let endian = file.endian();
     let mut parts = Vec::new();
     for segment in file.elf_program_headers() {
         if segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0 {
-            let bytes = segment.data(endian, data).map_err(|()| "a part of it is missing")?;
+            let bytes = segment.data(endian, data).map_err(|()| ImageError::PartMissing)?;
             parts.push((segment.p_paddr(endian), bytes));
         }
     }
@@ -243,7 +261,7 @@ fn code_of(data: &[u8]) -> Result<Code, String> {
             _ => runs.push(Code { address, bytes: bytes.to_vec(), board }),
         }
     }
-    runs.into_iter().max_by_key(|run| run.bytes.len()).ok_or_else(|| "no code".into())
+    runs.into_iter().max_by_key(|run| run.bytes.len()).ok_or(ImageError::NoCode)
 }
 
 #[cfg(test)]

@@ -445,9 +445,6 @@ impl<'a, B: Bus> Update<'a, B> {
     }
 
     fn pause(&mut self) -> Result<(), BusError> {
-        let bus = self.client.bus();
-        let until_ns = bus.now_ns() + PAUSE.as_nanos() as u64;
-        while bus.receive(until_ns)?.is_some() {}
-        Ok(())
+        self.client.bus().discard_within(PAUSE)
     }
 }

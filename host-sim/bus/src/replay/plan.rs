@@ -49,7 +49,7 @@ pub struct SkippedFrames {
 }
 
 /// The frames to send, and the recorded answers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Plan {
     /// Frames, ordered by time.
     pub frames: Vec<PlannedFrame>,
@@ -113,7 +113,7 @@ pub enum PlanError {
     },
     /// The log has no inputs of a joint.
     #[error(
-        "{file}: {samples} SYNCs (080) and {motions} Motion frames (480 + node) of a joint, expected at least 2 and 1; found {census}"
+        "{file}: {samples} SYNCs (080 with a counter of one byte) and {motions} Motion frames (480 + node) of a joint, expected at least 2 and 1; found {census}"
     )]
     Empty {
         /// The file.
@@ -188,16 +188,6 @@ impl Builder {
     /// Creates the builder for a log with this beginning.
     fn new(node: NodeId, head: &[u8]) -> Self {
         let format = TextFormat::of(head).unwrap_or_default();
-        let plan = Plan {
-            frames: Vec::new(),
-            samples: 0,
-            period_s: 0.0,
-            recorded: Vec::new(),
-            skipped: SkippedFrames::default(),
-            sha256: String::new(),
-            lines: 0,
-            first_bad: None,
-        };
         Self {
             node,
             reader: TextReader::of(head),
@@ -206,7 +196,7 @@ impl Builder {
             inbox: SampleAssembler::new(node),
             has_sample_numbers: false,
             numbers: Vec::new(),
-            plan,
+            plan: Plan::default(),
             first_ns: None,
             last_ns: 0,
             motions: 0,
@@ -252,24 +242,26 @@ impl Builder {
             Ok(message) => self.message(message, line.interface, line.time_ns),
             Err(FrameError::Foreign(_)) => self.plan.skipped.foreign += 1,
             Err(_) => {
-                let is_own = self.is_own_frame(frame, line.interface);
+                let is_followed = self.is_of_joint(frame, line.interface);
                 let over = &mut self.plan.skipped;
-                *if is_own { &mut over.damaged } else { &mut over.foreign } += 1;
+                *if is_followed { &mut over.damaged } else { &mut over.foreign } += 1;
             }
         }
     }
 
-    fn is_own_frame(&self, frame: &Frame, interface: &[u8]) -> bool {
+    fn is_of_joint(&self, frame: &Frame, interface: &[u8]) -> bool {
         let number = (frame.identifier() & 0x7F) as u8;
-        self.joint.as_ref().is_some_and(|(own, node)| own == interface && node.number() == number)
+        self.joint
+            .as_ref()
+            .is_some_and(|(followed, node)| followed == interface && node.number() == number)
     }
 
     fn message(&mut self, message: Message, interface: &[u8], time_ns: u64) {
         let is_answer =
             matches!(message, Message::Answer(..) | Message::Status(..) | Message::Telemetry(..));
-        let is_own = match (&self.joint, message.node()) {
-            (Some((own, _)), None) => own == interface,
-            (Some((own, joint)), Some(node)) => own == interface && *joint == node,
+        let is_followed = match (&self.joint, message.node()) {
+            (Some((followed, _)), None) => followed == interface,
+            (Some((followed, joint)), Some(node)) => followed == interface && *joint == node,
             // The first joint with inputs is followed, from its first frame on.
             (None, Some(node)) if !is_answer => {
                 self.joint = Some((interface.to_vec(), node));
@@ -277,7 +269,7 @@ impl Builder {
             }
             (None, _) => false,
         };
-        if !is_own {
+        if !is_followed {
             self.plan.skipped.foreign += 1;
             return;
         }

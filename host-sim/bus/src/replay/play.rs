@@ -50,7 +50,7 @@ const MAX_SILENT_WINDOWS: u32 = 16;
 const FINAL_ANSWER_TIMEOUT_NS: u64 = 1_000_000_000;
 
 /// Result of a replay.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct PlayResult {
     /// Counts of the answers.
     pub tally: Tally,
@@ -160,17 +160,7 @@ impl<'a> Player<'a> {
     fn new(plan: &'a Plan) -> Self {
         Self {
             plan,
-            result: PlayResult {
-                tally: Tally::default(),
-                round_trips_ns: Vec::new(),
-                lateness_ns: Vec::new(),
-                jitter_ns: Vec::new(),
-                duration_ns: 0,
-                elapsed_ns: 0,
-                wire_ns: 0,
-                frames: 0,
-                bursts: 0,
-            },
+            result: PlayResult::default(),
             recorded: (0, 0),
             last_sync: None,
             last: None,

@@ -2,7 +2,7 @@
 
 use super::Tally;
 use super::plan::Plan;
-use super::play::{PlayResult, Rate};
+use super::play::PlayResult;
 use crate::bus::BitRates;
 use serde::Serialize;
 use std::fmt::Write;
@@ -40,24 +40,11 @@ impl Quantiles {
 pub struct ReplayReport {
     /// Version of the file format.
     pub schema: u32,
-    /// The log.
-    pub trace: String,
     /// SHA-256 of the log.
     pub trace_sha256: String,
-    /// The bus.
-    pub bus: String,
-    /// The node.
-    pub node: u8,
-    /// Number type: `f32` or `fixed`.
-    pub number: &'static str,
-    /// Multiple of the recorded rate; absent at the maximum rate.
-    pub rate: Option<f64>,
-    /// Clock of the measured times.
-    pub clock: &'static str,
-    /// True if the kernel granted priority, which affects the lateness.
-    pub raised_priority: bool,
-    /// Period of the driver, s.
-    pub period_s: f32,
+    /// What was replayed, and how.
+    #[serde(flatten)]
+    pub about: ReplayDescription,
     /// True if every sample was answered with the bits of the core.
     pub holds: bool,
     /// Counts of the answers.
@@ -78,8 +65,6 @@ pub struct ReplayReport {
     pub bursts: u64,
     /// Duration, s of this PC's clock.
     pub elapsed_seconds: f64,
-    /// Bit rate of the bus, bit/s.
-    pub bit_rate: u32,
     /// Duration of the frames on a wire of that rate, s.
     pub wire_seconds: f64,
     /// Bus load; above 1 the frames do not fit. `None` at the maximum rate on a virtual clock, which stands still.
@@ -88,25 +73,27 @@ pub struct ReplayReport {
     pub passed_over: [u64; 6],
 }
 
-/// Description of a replay for its report.
-pub struct ReplayDescription<'a> {
+/// What was replayed, and how.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReplayDescription {
     /// The log.
-    pub trace: &'a str,
+    pub trace: String,
     /// The bus.
-    pub bus: &'a str,
+    pub bus: String,
     /// The node.
     pub node: u8,
-    /// Number type.
+    /// Number type: `f32` or `fixed`.
     pub number: &'static str,
     /// Clock of the measured times.
     pub clock: &'static str,
-    /// True if the kernel granted priority.
+    /// True if the kernel granted priority, which affects the lateness.
     pub raised_priority: bool,
-    /// Time between SYNCs, s.
+    /// Period of the driver, s.
     pub period_s: f32,
-    /// Rate of the replay.
-    pub rate: Rate,
+    /// Multiple of the recorded rate; `None` at the maximum rate.
+    pub rate: Option<f64>,
     /// True if the bus time is virtual, so durations have no meaning.
+    #[serde(skip)]
     pub is_virtual: bool,
     /// Bit rate of the bus, bit/s; above 0.
     pub bit_rate: u32,
@@ -114,29 +101,18 @@ pub struct ReplayDescription<'a> {
 
 impl ReplayReport {
     /// Creates the report of a replay.
-    pub fn new(about: &ReplayDescription, plan: &Plan, played: PlayResult) -> Self {
+    pub fn new(about: ReplayDescription, plan: &Plan, played: PlayResult) -> Self {
         let over = plan.skipped;
         let seconds = played.duration_ns as f64 * 1e-9;
         let at_fastest = f64::from(BitRates::FASTEST.nominal);
         let wire_seconds =
             played.wire_ns as f64 * 1e-9 * at_fastest / f64::from(about.bit_rate.max(1));
-        let stands_still = about.is_virtual && about.rate == Rate::Max;
+        let stands_still = about.is_virtual && about.rate.is_none();
         // On a virtual clock, every answer arrives at once.
         let measured = |times: &[u64]| Quantiles::of(times).filter(|_| !about.is_virtual);
         Self {
             schema: 1,
-            trace: about.trace.to_owned(),
             trace_sha256: plan.sha256.clone(),
-            bus: about.bus.to_owned(),
-            node: about.node,
-            number: about.number,
-            rate: match about.rate {
-                Rate::Times(times) => Some(times),
-                Rate::Max => None,
-            },
-            clock: about.clock,
-            raised_priority: about.raised_priority,
-            period_s: about.period_s,
             holds: played.tally.holds(),
             samples_in_log: plan.samples,
             frames: played.frames,
@@ -146,7 +122,6 @@ impl ReplayReport {
             round_trip_us: measured(&played.round_trips_ns),
             bursts: played.bursts,
             elapsed_seconds: played.elapsed_ns as f64 * 1e-9,
-            bit_rate: about.bit_rate,
             wire_seconds,
             bus_load: (seconds > 0.0 && !stands_still).then(|| wire_seconds / seconds),
             passed_over: [
@@ -158,6 +133,7 @@ impl ReplayReport {
                 over.bad_lines,
             ],
             answers: played.tally,
+            about,
         }
     }
 
@@ -180,12 +156,12 @@ impl ReplayReport {
 
     /// Appends the verdict and the counts of the answers.
     fn write_answers(&self, text: &mut String) {
-        let tally = &self.answers;
+        let (tally, about) = (&self.answers, &self.about);
         let verdict = if self.holds { "holds" } else { "DOES NOT HOLD" };
         let _ = writeln!(
             text,
             "{verdict}: {} of {} samples equal bit for bit ({} on {}, node {}, {})",
-            tally.equal, tally.samples, self.trace, self.bus, self.node, self.number
+            tally.equal, tally.samples, about.trace, about.bus, about.node, about.number
         );
         for shown in &tally.shown {
             let _ = writeln!(
@@ -223,12 +199,12 @@ impl ReplayReport {
 
     /// Appends the traffic, the duration and the bus load.
     fn write_traffic(&self, text: &mut String) {
-        let tally = &self.answers;
-        let rate = match self.rate {
+        let about = &self.about;
+        let rate = match about.rate {
             Some(rate) => format!("{rate}x"),
             None => "max".to_owned(),
         };
-        let bus = format!("{} kbit/s", self.bit_rate / 1000);
+        let bus = format!("{} kbit/s", about.bit_rate / 1000);
         let load = match self.bus_load {
             Some(load) if load > 1.0 => {
                 format!("{load:.1} times the capacity of a bus of {bus}")
@@ -241,9 +217,9 @@ impl ReplayReport {
             text,
             "  {} frames in {took:.3} s ({rate}, clock: {}{}), {:.0} samples/s, {load}",
             self.frames,
-            if self.bus_load.is_some() { self.clock } else { "this PC's" },
-            if self.raised_priority { ", raised priority" } else { "" },
-            if took > 0.0 { tally.samples as f64 / took } else { 0.0 },
+            if self.bus_load.is_some() { about.clock } else { "this PC's" },
+            if about.raised_priority { ", raised priority" } else { "" },
+            if took > 0.0 { self.answers.samples as f64 / took } else { 0.0 },
         );
     }
 

@@ -3,20 +3,18 @@
 use super::CoreJoint;
 use crate::bus::Bus;
 use crate::canopen::{Client, SdoError};
+use crate::parameters::{ParametersError, read_set, write_set};
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::ParameterError;
 use compensator_core::can::NodeId;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::JointNetwork;
-use compensator_core::network::record as network_record;
-use compensator_core::record::{self, RecordError};
 use firmware::drive_settings::DriveSettings;
 use firmware::hil::{HilJoint, HilSetup, NumberType};
 use firmware::level_learner::OFF;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
 use firmware::node_settings::{InputSource, PERIOD_RANGE_S};
-use firmware::parameter_set::{DRIVE_RECORD_BYTES, ParameterSet};
 
 /// Settings of a replay.
 #[derive(Clone, Debug)]
@@ -39,12 +37,9 @@ pub enum SetupError {
     /// The driver refuses or does not answer.
     #[error(transparent)]
     Sdo(#[from] SdoError),
-    /// The friction record is not valid for this core.
-    #[error("the driver's parameters: {0}")]
-    Record(RecordError),
-    /// The network record is not valid for this core.
-    #[error("the driver's network: {0}")]
-    Network(network_record::RecordError),
+    /// The parameters cannot be read or written.
+    #[error(transparent)]
+    Parameters(#[from] ParametersError),
     /// The core cannot be built from the parameters.
     #[error("{0}")]
     Build(ParameterError),
@@ -53,14 +48,6 @@ pub enum SetupError {
     Period {
         /// Requested period, s.
         found_s: f32,
-    },
-    /// The motor parameters and thresholds have another length.
-    #[error(
-        "the driver has another version: {found} bytes of motor parameters and thresholds, expected {DRIVE_RECORD_BYTES}"
-    )]
-    Version {
-        /// Their length, bytes.
-        found: usize,
     },
 }
 
@@ -84,36 +71,26 @@ pub fn set_up<B: Bus>(
     }
     client.write(at(index::OPERATION, 3), &setup.period_s.to_le_bytes())?;
     if let Some(friction) = &setup.friction {
-        write_friction(client, friction, setup.network.as_ref())?;
+        let mut set = read_set(client)?;
+        (set.friction, set.network) = (friction.clone(), setup.network.clone());
+        write_set(client, &set)?;
     }
     if let Some(mode) = setup.adaptation {
         client.write(at(index::ADAPTATION, AdaptationObject::MODE), &[mode])?;
     }
-    let drive = read_drive(client)?;
-    let (friction, network) = match &setup.friction {
-        Some(friction) => (friction.clone(), setup.network.clone()),
-        None => {
-            let friction = client.read(at(index::COMMIT, 5))?;
-            let network = client.read(at(index::COMMIT, 7))?;
-            let friction = record::parse(&friction).map_err(SetupError::Record)?;
-            (friction, network_record::parse(&network).map_err(SetupError::Network)?)
-        }
-    };
+    let set = read_set(client)?;
     let number = match client.read_number(at(index::OPERATION, 2))? {
         0 => NumberType::Float,
         _ => NumberType::Fixed,
     };
     let campaign_h = client.read_float(at(index::OPERATION, 4))?;
     let hil_setup = HilSetup { number, period_s: setup.period_s, campaign_h };
-    let joint =
-        HilJoint::build(node, &friction, network.as_ref(), hil_setup).map_err(SetupError::Build)?;
+    let joint = HilJoint::build(node, &set.friction, set.network.as_ref(), hil_setup)
+        .map_err(SetupError::Build)?;
     let settings = read_adaptation(client)?;
     let core = match settings.adapt {
         OFF => joint.into(),
-        _ => {
-            let set = ParameterSet::with_drive(friction, network, &drive);
-            CoreJoint::with_adaptation(joint, set, settings)
-        }
+        _ => CoreJoint::with_adaptation(joint, set, settings),
     };
     // Starts a new run, so that driver and core have the same initial state.
     client.write(at(index::TRACE, 1), &0u32.to_le_bytes())?;
@@ -133,29 +110,4 @@ fn read_adaptation<B: Bus>(client: &mut Client<B>) -> Result<DriveSettings, Setu
         }
     }
     Ok(settings)
-}
-
-/// Stages the active set, and reads its motor parameters and thresholds.
-fn read_drive<B: Bus>(client: &mut Client<B>) -> Result<[u8; DRIVE_RECORD_BYTES], SetupError> {
-    client.write(Address::new(index::COMMIT, 4), &[1])?;
-    let drive = client.read(Address::new(index::COMMIT, 6))?;
-    drive.as_slice().try_into().map_err(|_| SetupError::Version { found: drive.len() })
-}
-
-/// Writes a friction model and its network to a driver: staged first, then committed with the CRC of the set.
-///
-/// # Errors
-/// Returns an error with the parameter and the reason if the driver refuses.
-pub fn write_friction<B: Bus>(
-    client: &mut Client<B>,
-    friction: &Configuration,
-    network: Option<&JointNetwork>,
-) -> Result<(), SetupError> {
-    let at = Address::new;
-    let drive = read_drive(client)?;
-    let set = ParameterSet::with_drive(friction.clone(), network.cloned(), &drive);
-    client.write(at(index::COMMIT, 5), &record::emit(friction))?;
-    client.write(at(index::COMMIT, 7), &network_record::emit(network))?;
-    client.write(at(index::COMMIT, 3), &set.crc().to_le_bytes())?;
-    Ok(())
 }

@@ -56,7 +56,7 @@ fn compact_node_not_commissioned_refuses_to_arm_with_the_reason() {
     let joint = Joint { commissioned: false, ..Joint::with(set(0.9)) };
     let refused = run(&joint, |master| master.arm());
     let reason = refused.expect_err("the wiring is not confirmed");
-    assert!(reason.contains("not-commissioned"), "{reason}");
+    assert!(reason.to_string().contains("not-commissioned"), "{reason}");
 }
 
 #[test]

@@ -42,7 +42,7 @@ fn assert_not_armed(master: &mut Master) {
     OTHER.into_iter().for_each(|value| stage(master, value));
     commit(master);
     let refused = master.arm().expect_err("the old reader is in use");
-    assert!(refused.contains("encoder_kind: needs a restart"), "{refused}");
+    assert!(refused.to_string().contains("encoder_kind: needs a restart"), "{refused}");
     let at = master.rig.plant().position_rad();
     master.current(300, 6.0);
     assert!(!master.rig.is_armed() && master.rig.stage_mut().applied_duty().is_none());

@@ -10,7 +10,7 @@ use firmware::parameter_set::ParameterSet;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, identify, tracks};
 use joint_rig::simulated::dataset;
-use joint_rig::{JointRig, PowerUp, RigFaults};
+use joint_rig::{JointRig, PowerUp, RigError, RigFaults};
 use simulated_machines::joint_plant::bench::Amount;
 use simulated_machines::joint_plant::{Bench, JointPlant, Load, Parameters};
 use std::f64::consts::TAU;
@@ -171,7 +171,7 @@ impl<'a, 'q> Master<'a, 'q> {
     }
 
     /// Arms the joint at 0 A.
-    pub fn arm(&mut self) -> Result<(), String> {
+    pub fn arm(&mut self) -> Result<(), RigError> {
         let at = self.rig.plant().position_rad();
         self.rig.arm(at)
     }

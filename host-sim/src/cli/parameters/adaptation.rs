@@ -1,7 +1,8 @@
 //! The adaptation of the friction levels: its mode, its orders, and what it learnt beside the set.
 
-use super::drive::{self, Change};
-use super::{Driver, pretty, print_text, sdo_message};
+use super::drive::Change;
+use super::{Driver, Result, print_result};
+use crate::cli::error::found;
 use canopen_rs::Address;
 use compensator_core::adaptation::{Frozen, Gains, MAX_GAINS};
 use firmware::node::dictionary::index;
@@ -29,29 +30,27 @@ pub(super) enum Request {
 ///
 /// # Errors
 /// Returns one line if it is none of the modes and orders.
-pub(super) fn parse(word: &str) -> Result<Request, String> {
+pub(super) fn parse(word: &str) -> Result<Request> {
     let place = |words: &[&str]| words.iter().position(|known| *known == word);
     if let Some(mode) = place(&MODES) {
-        let change = drive::parse("drive.adapt", &mode.to_string())?;
-        return change.map(Request::Mode).ok_or_else(|| "drive.adapt: no such setting".to_owned());
+        return Ok(Request::Mode(Change::of("drive.adapt", mode as i64)?));
     }
     let order = place(&ORDERS).ok_or_else(|| {
-        format!(
-            "{ITEM}: found {word:?}, expected on, hold, off, on-in-every-mode, adopt or discard"
-        )
+        let expected = "on, hold, off, on-in-every-mode, adopt or discard";
+        found(ITEM, format!("{word:?}"), expected)
     })?;
     Ok(Request::Order(order as u8 + 1, ORDERS[order]))
 }
 
 impl Driver {
     /// Gives an order. Returns what was done.
-    pub(super) fn order_adaptation(&mut self, order: u8, name: &str) -> Result<String, String> {
+    pub(super) fn order_adaptation(&mut self, order: u8, name: &str) -> Result<String> {
         let at = Address::new(index::ADAPTATION, AdaptationObject::ORDER);
-        self.client.write(at, &[order]).map_err(sdo_message)?;
+        self.client.write(at, &[order])?;
         Ok(format!("learnt levels: {name}"))
     }
 
-    fn reals(&mut self, at_index: u16) -> Result<[f32; MAX_GAINS], String> {
+    fn reals(&mut self, at_index: u16) -> Result<[f32; MAX_GAINS]> {
         let mut values = [0.0; MAX_GAINS];
         for (place, value) in (1..).zip(&mut values) {
             *value = f32::from_bits(self.number(at_index, place)?);
@@ -60,7 +59,7 @@ impl Driver {
     }
 
     /// Shows what the joint learnt beside its set. Exit code 1 if it differs.
-    pub(super) fn diff_learnt(&mut self, json: bool) -> Result<ExitCode, String> {
+    pub(super) fn diff_learnt(&mut self, json: bool) -> Result<ExitCode> {
         let set = self.read_set()?;
         let gains = Gains::from_array(&self.reals(index::LEARNT_GAINS)?);
         let deviations = self.reals(index::GAIN_DEVIATIONS)?;
@@ -73,33 +72,21 @@ impl Driver {
         let lines = differences(&set, &learnt);
         let terms = set.friction.model.terms.iter().map(|kind| kind.name());
         let names = ["level", "viscous"].into_iter().chain(terms);
-        let of_gains: Vec<_> = names.zip(gains.to_array()).zip(deviations).collect();
-        let text = if json {
-            let gains: Vec<_> = of_gains
-                .iter()
-                .map(|((name, gain), deviation)| {
-                    json!({"name": name, "gain": gain, "std_deviation": deviation})
-                })
-                .collect();
-            let rows: Vec<_> = lines
-                .iter()
-                .map(|(name, set, learnt)| json!({"name": name, "set": set, "learnt": learnt}))
-                .collect();
-            let document = json!({"state": state, "learnt_s": learnt_s, "age_s": age_s, "gains": gains, "differences": rows});
-            pretty(&document)?
-        } else {
-            let mut text =
-                format!("{state}, learnt from {learnt_s:.0} s of sliding, {age_s:.0} s ago\n");
-            for ((name, gain), deviation) in &of_gains {
-                text += &format!("gain on {name}: {gain:.3} +- {deviation:.3}\n");
-            }
-            for (name, set, learnt) in &lines {
-                text += &format!("{name}: set {set}, learnt {learnt}\n");
-            }
-            text
-        };
-        print_text(&text)?;
-        Ok(if lines.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+        let of_gains = names.zip(gains.to_array()).zip(deviations);
+        let mut text =
+            format!("{state}, learnt from {learnt_s:.0} s of sliding, {age_s:.0} s ago\n");
+        let (mut gains, mut rows) = (Vec::new(), Vec::new());
+        for ((name, gain), deviation) in of_gains {
+            text += &format!("gain on {name}: {gain:.3} +- {deviation:.3}\n");
+            gains.push(json!({"name": name, "gain": gain, "std_deviation": deviation}));
+        }
+        for (name, set, learnt) in &lines {
+            text += &format!("{name}: set {set}, learnt {learnt}\n");
+            rows.push(json!({"name": name, "set": set, "learnt": learnt}));
+        }
+        let document = json!({"state": state, "learnt_s": learnt_s, "age_s": age_s, "gains": gains, "differences": rows});
+        print_result(json, &document, &text)?;
+        Ok(ExitCode::from(u8::from(!lines.is_empty())))
     }
 }
 
@@ -115,7 +102,7 @@ mod tests {
     fn parse_of_modes_and_orders_names_what_is_expected() {
         assert!(matches!(parse("hold"), Ok(Request::Mode(_))));
         assert!(matches!(parse("discard"), Ok(Request::Order(2, "discard"))));
-        let refused = parse("yes").err().unwrap();
+        let refused = parse("yes").err().unwrap().to_string();
         assert!(refused.contains("on-in-every-mode, adopt or discard"), "{refused}");
         crate::snapshot::check("units-of-commands", "an unknown mode of the adaptation", &refused);
     }
@@ -128,8 +115,10 @@ mod tests {
         let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
         let items =
             |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
-        let refused =
-            driver.set(&items(&["adapt", "adopt"]), false, &Default::default()).unwrap_err();
+        let refused = driver
+            .set(&items(&["adapt", "adopt"]), false, &Default::default())
+            .unwrap_err()
+            .to_string();
         assert!(refused.contains("2044h:1"), "{refused}");
         crate::snapshot::check(
             "units-of-commands",
@@ -145,7 +134,8 @@ mod tests {
             driver.set(&items(&["adapt", "adopt"]), false, &Default::default()).expect("an order");
         assert!(done.contains("learnt levels: adopt"), "{done}");
         assert!(driver.diff_learnt(false).is_ok_and(|code| code == ExitCode::SUCCESS));
-        let refused = driver.set(&items(&["adapt"]), false, &Default::default()).unwrap_err();
+        let refused =
+            driver.set(&items(&["adapt"]), false, &Default::default()).unwrap_err().to_string();
         assert!(refused.contains("on-in-every-mode, adopt or discard"), "{refused}");
     }
 }

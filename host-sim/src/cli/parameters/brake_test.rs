@@ -1,7 +1,6 @@
 //! `params brake-test`: requests a test of the holding brake and prints its result.
 
-use super::{ActionResult, Driver, sdo_message};
-use crate::cli::output::{pretty, print_text};
+use super::{ActionResult, Driver, Result, print_result};
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::HoldingBrakeObject;
@@ -14,6 +13,13 @@ const TIMEOUT: Duration = Duration::from_secs(15);
 const START: u8 = 1;
 const RUNNING: u32 = 1;
 const HELD: u32 = 2;
+
+/// Reason why a test has no result.
+#[derive(Debug, thiserror::Error)]
+enum BrakeTestError {
+    #[error("the test of the brake does not end")]
+    Endless,
+}
 
 /// Result of a test.
 struct BrakeTest {
@@ -47,37 +53,33 @@ impl BrakeTest {
 }
 
 impl Driver {
-    fn request_brake_test(&mut self) -> Result<BrakeTest, String> {
+    fn request_brake_test(&mut self) -> Result<BrakeTest> {
         let order = Address::new(index::HOLDING_BRAKE, HoldingBrakeObject::TEST_ORDER);
-        self.client.write(order, &[START]).map_err(sdo_message)?;
+        self.client.write(order, &[START])?;
         let since = Instant::now();
         let mut result = RUNNING;
         while result == RUNNING {
             if since.elapsed() > TIMEOUT {
-                return Err("the test of the brake does not end".into());
+                return Err(BrakeTestError::Endless.into());
             }
             result = self.number(index::HOLDING_BRAKE, HoldingBrakeObject::TEST_RESULT)?;
         }
         let mut way = |place| {
-            let word = self.number(index::HOLDING_BRAKE, place)?;
-            Ok::<f64, String>(1e-6 * f64::from(word as i32))
+            let word = self.number(index::HOLDING_BRAKE, place);
+            word.map(|word| 1e-6 * f64::from(word as i32))
         };
         let forwards = way(HoldingBrakeObject::WAY_FORWARDS)?;
         Ok(BrakeTest { result, ways_rad: [forwards, way(HoldingBrakeObject::WAY_BACK)?] })
     }
 
     /// Tests the brake. The exit code is 1 if it was not found to hold.
-    pub(super) fn brake_test(&mut self, name: &str, json: bool) -> Result<ActionResult, String> {
+    pub(super) fn brake_test(&mut self, name: &str, json: bool) -> Result<ActionResult> {
         let test = self.request_brake_test()?;
-        let text = if json {
-            let [forwards, back] = test.ways_rad;
-            pretty(&json!({
-                "result": test.name(), "way_forwards_rad": forwards, "way_back_rad": back,
-            }))?
-        } else {
-            format!("{name}: {}\n", test.in_words())
-        };
-        print_text(&text)?;
+        let [forwards, back] = test.ways_rad;
+        let document = json!({
+            "result": test.name(), "way_forwards_rad": forwards, "way_back_rad": back,
+        });
+        print_result(json, &document, &format!("{name}: {}\n", test.in_words()))?;
         Ok(ActionResult::Printed(ExitCode::from(u8::from(test.result != HELD))))
     }
 }
@@ -122,7 +124,7 @@ mod tests {
         let mut driver = joint(30.0);
         let torque = Address::new(index::HOLDING_BRAKE, 7);
         driver.client.write(torque, &[0, 0]).expect("a setting");
-        let error = driver.request_brake_test().err().expect("a refusal");
+        let error = driver.request_brake_test().err().expect("a refusal").to_string();
         assert!(error.contains("2030h:7 = 0"), "{error}");
     }
 }

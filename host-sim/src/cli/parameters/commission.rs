@@ -5,19 +5,38 @@
 //! after they were shown and confirmed.
 
 use super::measure::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
-use super::{Driver, sdo_message};
-use crate::cli::output::{pretty, print_text};
+use super::{Driver, Result, print_result, print_text};
+use crate::cli::error::Refusal;
+use crate::cli::output::pretty;
 use canopen_rs::Address;
-use firmware::control::PERIOD_S;
+use firmware::control::{MotorParameters, PERIOD_S};
 use firmware::driver::commissioning::CommissioningStep;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject};
 use firmware::parameter_set::ParameterSet;
-use joint_tuning::names::{differences, numbers};
+use joint_bus::bus::Bus;
+use joint_bus::parameters::read_staged;
+use joint_tuning::names::differences;
 use serde_json::json;
 
 /// Order that starts a measurement.
 const ORDER_MEASURE: u8 = 1;
+
+/// The driver computes the wiring in another way.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the driver reports the wiring crc {reported:08x}, but its parameters give {computed:08x}: the firmware version may differ from that of host-sim"
+)]
+struct OtherWiring {
+    reported: u32,
+    computed: u32,
+}
+
+/// Returns the wiring parameters of a set with their names below `motor`.
+fn wiring_of(set: &ParameterSet) -> impl Iterator<Item = (&'static str, f32)> {
+    let motor = MotorParameters::NAMES.into_iter().zip(set.motor.to_array());
+    motor.filter(|(field, _)| ParameterSet::WIRING_PARAMETERS.contains(field))
+}
 
 /// Describes a step of the measurement for the user.
 fn step_description(step: u32) -> &'static str {
@@ -39,48 +58,36 @@ fn step_description(step: u32) -> &'static str {
 
 impl Driver {
     /// Prints the wiring parameters and whether they are confirmed. With `confirm`, confirms them first.
-    pub(super) fn commission(&mut self, confirm: bool, json: bool) -> Result<(), String> {
+    pub(super) fn commission(&mut self, confirm: bool, json: bool) -> Result {
         let set = self.read_set()?;
         let wiring = self.number(index::COMMISSIONING, CommissioningObject::WIRING_CRC)?;
         if wiring != set.wiring_crc() {
-            let computed = set.wiring_crc();
-            return Err(format!(
-                "the driver reports the wiring crc {wiring:08x}, but its parameters give {computed:08x}: the firmware version may differ from that of host-sim"
-            ));
+            return Err(OtherWiring { reported: wiring, computed: set.wiring_crc() }.into());
         }
         if confirm {
             self.confirm(wiring)?;
         }
         let commissioned = self.number(index::COMMISSIONING, 1)? != 0;
-        let wired: Vec<(String, f32)> = numbers(&set)
-            .into_iter()
-            .filter(|(name, _)| {
-                name.strip_prefix("motor.")
-                    .is_some_and(|field| ParameterSet::WIRING_PARAMETERS.contains(&field))
-            })
-            .collect();
-        if json {
-            let wired: serde_json::Map<_, _> =
-                wired.into_iter().map(|(name, value)| (name, json!(value))).collect();
-            let result = json!({"commissioned": commissioned, "wiring_crc": format!("{wiring:08x}"), "wiring": wired});
-            return print_text(&pretty(&result)?);
-        }
         let mut out = String::new();
-        for (name, value) in wired {
+        let mut wired = serde_json::Map::new();
+        for (field, value) in wiring_of(&set) {
+            let name = format!("motor.{field}");
             out += &format!("{name:<32} {value:?}\n");
+            wired.insert(name, json!(value));
         }
+        let result = json!({"commissioned": commissioned, "wiring_crc": format!("{wiring:08x}"), "wiring": wired});
         out += if commissioned {
             "commissioned: the joint can be armed; `params save` keeps this over a reset\n"
         } else {
             "NOT commissioned: the joint cannot be armed. Measure the parameters above with `params commission --measure` (low\n\
              current), or set each (docs/src/how-to/bring-up.md) and run `params commission --confirm`\n"
         };
-        print_text(&out)
+        print_result(json, &result, &out)
     }
 
-    fn confirm(&mut self, wiring: u32) -> Result<(), String> {
+    fn confirm(&mut self, wiring: u32) -> Result {
         let at = Address::new(index::COMMISSIONING, CommissioningObject::CONFIRM);
-        self.client.write(at, &wiring.to_le_bytes()).map_err(sdo_message)
+        Ok(self.client.write(at, &wiring.to_le_bytes())?)
     }
 
     /// Measures the motor and prints the results. Commits and confirms them if the user agrees.
@@ -89,7 +96,7 @@ impl Driver {
         how: &MeasureArguments,
         name: &str,
         json: bool,
-    ) -> Result<(), String> {
+    ) -> Result {
         let before = self.read_set()?;
         self.set_limits(how, how.travel)?;
         let current_a = self.float(CommissioningRunObject::CURRENT)?;
@@ -99,7 +106,7 @@ impl Driver {
              most half a minute. Keep the range clear and be ready to switch off the supply. Continue?"
         );
         if !how.is_confirmed(&question)? {
-            return Err("cancelled; nothing was changed".into());
+            return Err(Refusal::Declined.into());
         }
         self.order(ORDER_MEASURE)?;
         let step = self.watch_run(json);
@@ -108,20 +115,20 @@ impl Driver {
             let _ = self.order(ORDER_STOP);
         }
         if step? != CommissioningStep::Done as u32 {
-            return Err(self.end_reason()?);
+            return Err(self.end_reason()?.into());
         }
-        let found = self.read_staged()?;
+        let found = read_staged(&mut self.client)?;
         let changes = differences(&before, &found);
         let results = self.describe_results(&before, &found, json)?;
         print_text(&results)?;
         let is_accepted = how.is_confirmed("Store these values and confirm the wiring?")?;
         if !is_accepted {
-            self.discard()?;
-            return print_text(&if json {
-                String::new()
+            self.client.write(Address::new(index::COMMIT, 4), &[1])?;
+            return if json {
+                Ok(())
             } else {
-                format!("{name}: nothing was changed\n")
-            });
+                print_text(&format!("{name}: nothing was changed\n"))
+            };
         }
         let active = self.commit(&found)?;
         self.confirm(found.wiring_crc())?;
@@ -135,7 +142,7 @@ impl Driver {
     }
 
     /// Sends keep-alive orders until the run ends. Returns the step in which it ended.
-    fn watch_run(&mut self, json: bool) -> Result<u32, String> {
+    fn watch_run(&mut self, json: bool) -> Result<u32> {
         let mut last_step = 0;
         loop {
             self.order(ORDER_CONTINUE)?;
@@ -147,10 +154,7 @@ impl Driver {
                 eprintln!("  {}", step_description(step));
             }
             last_step = step;
-            let bus = self.client.bus();
-            let until_ns = bus.now_ns() + KEEP_ALIVE_PERIOD.as_nanos() as u64;
-            // Frames received meanwhile are discarded.
-            while bus.receive(until_ns).map_err(|error| error.to_string())?.is_some() {}
+            self.client.bus().discard_within(KEEP_ALIVE_PERIOD)?;
         }
     }
 
@@ -160,7 +164,7 @@ impl Driver {
         before: &ParameterSet,
         found: &ParameterSet,
         json: bool,
-    ) -> Result<String, String> {
+    ) -> Result<String> {
         use CommissioningRunObject as R;
         let offsets = [self.float(R::OFFSET_A)?, self.float(R::OFFSET_B)?];
         let lag_rad = self.float(R::LAG)?;
@@ -169,15 +173,8 @@ impl Driver {
             [self.float(R::PHASE_MARGIN)?.to_degrees(), 20.0 * self.float(R::GAIN_MARGIN)?.log10()];
         let (was, is) = (&before.motor, &found.motor);
         if json {
-            let wiring: serde_json::Map<_, _> = numbers(found)
-                .into_iter()
-                .filter_map(|(name, value)| {
-                    let field = name.strip_prefix("motor.")?;
-                    ParameterSet::WIRING_PARAMETERS
-                        .contains(&field)
-                        .then(|| (field.to_owned(), json!(value)))
-                })
-                .collect();
+            let wiring: serde_json::Map<_, _> =
+                wiring_of(found).map(|(field, value)| (field.to_owned(), json!(value))).collect();
             let result = json!({
                 "offset_a": offsets, "lag_rad": lag_rad, "friction_torque_nm": friction_nm, "wiring": wiring,
                 "dead_time_s": is.dead_time_s, "dead_time_current_a": is.dead_time_current_a,

@@ -2,9 +2,11 @@
 //!
 //! They are objects of their own and no part of the parameter set: a change is active at once, and `save` keeps it.
 
-use super::{Driver, sdo_message};
+use super::{Driver, Result};
+use crate::cli::error::found;
 use canopen_rs::Address;
 use firmware::drive_settings::DriveSettings;
+use joint_tuning::names::NameError;
 
 /// Prefix of the names.
 const PREFIX: &str = "drive.";
@@ -27,27 +29,31 @@ pub(super) struct Change {
 ///
 /// # Errors
 /// Returns one line if there is no such setting or the value is no whole number.
-pub(super) fn parse(name: &str, value: &str) -> Result<Option<Change>, String> {
+pub(super) fn parse(name: &str, value: &str) -> Result<Option<Change>> {
     if !name.starts_with(PREFIX) {
         return Ok(None);
     }
-    let all: Vec<(String, Address)> = names().collect();
-    let Some((_, at)) = all.iter().find(|(known, _)| known == name) else {
-        let known: Vec<String> = all.into_iter().map(|(known, _)| known).collect();
-        return Err(joint_tuning::names::unknown(name, &known));
-    };
-    let whole =
-        value.parse::<f64>().ok().filter(|value| value.fract() == 0.0 && value.abs() < 1e10);
-    let value = whole.ok_or_else(|| {
-        format!("{name}: found {value:?}, expected a whole number in the unit of its object")
-    })?;
-    Ok(Some(Change { name: name.to_owned(), at: *at, value: value as i64 }))
+    let change = Change::of(name, 0)?;
+    let is_whole = |value: &f64| value.fract() == 0.0 && value.abs() < 1e10;
+    let whole = value.parse::<f64>().ok().filter(is_whole);
+    let expected = "a whole number in the unit of its object";
+    let whole = whole.ok_or_else(|| NameError::value(name, value, expected))?;
+    Ok(Some(Change { value: whole as i64, ..change }))
+}
+
+impl Change {
+    /// Returns the change of the setting with this name.
+    pub(super) fn of(name: &str, value: i64) -> Result<Self, NameError> {
+        let found = names().find(|(known, _)| known == name);
+        let unknown = || NameError::unknown(name, names().map(|(known, _)| known));
+        found.map(|(name, at)| Self { name, at, value }).ok_or_else(unknown)
+    }
 }
 
 impl Driver {
     /// Reads a setting as a signed number if its object is signed.
-    pub(super) fn drive_setting(&mut self, at: Address) -> Result<i64, String> {
-        let bytes = self.client.read(at).map_err(sdo_message)?;
+    pub(super) fn drive_setting(&mut self, at: Address) -> Result<i64> {
+        let bytes = self.client.read(at)?;
         let is_signed = DriveSettings::is_signed(at.index, at.subindex);
         let number = bytes.iter().rev().fold(0u64, |number, byte| number << 8 | u64::from(*byte));
         let unused = 64 - 8 * bytes.len().clamp(1, 8) as u32;
@@ -59,19 +65,17 @@ impl Driver {
     }
 
     /// Writes a setting. Returns the change in words.
-    pub(super) fn change_drive(&mut self, change: &Change) -> Result<String, String> {
+    pub(super) fn change_drive(&mut self, change: &Change) -> Result<String> {
         let before = self.drive_setting(change.at)?;
-        let length = self.client.read(change.at).map_err(sdo_message)?.len();
+        let length = self.client.read(change.at)?.len();
         let bytes = change.value.to_le_bytes();
         let bits = 8 * length as u32;
         let fits = change.value >= -(1i64 << (bits - 1)) && change.value < 1i64 << bits;
         if !fits {
-            return Err(format!(
-                "{}: found {}, expected a number of {bits} bits",
-                change.name, change.value
-            ));
+            let expected = format!("a number of {bits} bits");
+            return Err(found(change.name.as_str(), change.value.to_string(), expected));
         }
-        self.client.write(change.at, &bytes[..length]).map_err(sdo_message)?;
+        self.client.write(change.at, &bytes[..length])?;
         Ok(format!("{} {before} -> {}", change.name, change.value))
     }
 }
@@ -96,19 +100,19 @@ mod tests {
             driver.change_drive(&change).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         let change = parse("drive.position_min", "-1000000").expect("a number").expect("a setting");
-        assert_eq!(driver.change_drive(&change).as_deref(), Ok("drive.position_min 0 -> -1000000"));
-        assert_eq!(driver.drive_setting(change.at), Ok(-1_000_000));
+        assert_eq!(driver.change_drive(&change).unwrap(), "drive.position_min 0 -> -1000000");
+        assert_eq!(driver.drive_setting(change.at).unwrap(), -1_000_000);
     }
 
     #[test]
     fn wrong_names_and_values_are_refused_in_one_line() {
         assert!(parse("motor.gear_ratio", "1").is_ok_and(|change| change.is_none()));
-        let unknown = parse("drive.gain", "1").err().unwrap();
+        let unknown = parse("drive.gain", "1").err().unwrap().to_string();
         assert!(
             unknown.contains("drive.gain") && unknown.contains("drive.position_gain"),
             "{unknown}"
         );
-        let fraction = parse("drive.position_min", "0.5").err().unwrap();
+        let fraction = parse("drive.position_min", "0.5").err().unwrap().to_string();
         assert!(fraction.contains("drive.position_min") && fraction.contains("0.5"), "{fraction}");
         let lines = unknown + "\n" + &fraction;
         crate::snapshot::check("units-of-commands", "wrong settings of a drive", &lines);

@@ -5,14 +5,15 @@
 //! stay unchanged: the user fits a model, checks it, and sets it with `params set`.
 
 use super::measure::{KEEP_ALIVE_PERIOD, MeasureArguments, ORDER_CONTINUE, ORDER_STOP};
-use super::{Driver, sdo_message};
-use crate::cli::output::print_text;
+use super::{Driver, Result, print_text};
+use crate::cli::error::{Refusal, unfit};
 use crate::cli::progress::spinner;
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::can::{Message, SyncFrame};
 use firmware::driver::commissioning::CommissioningStep;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::CommissioningRunObject;
+use joint_bus::bus::Bus;
 use joint_trace::CanFrame;
 use serde_json::json;
 use std::path::Path;
@@ -39,36 +40,31 @@ impl Driver {
         name: &str,
         trace: &Path,
         json: bool,
-    ) -> Result<(), String> {
+    ) -> Result {
         if self.number(index::COMMISSIONING, 1)? == 0 {
-            return Err(format!(
-                "{name} is not commissioned: run `params commission --measure` first, or use --measure --friction-run together"
+            return Err(unfit(
+                format!("{name} is not commissioned"),
+                "run `params commission --measure` first, or use --measure --friction-run together",
             ));
         }
         self.set_limits(how, how.range)?;
-        let [current_a, travel_rad, speed_rad_s] = [
-            CommissioningRunObject::CURRENT,
-            CommissioningRunObject::TRAVEL,
-            CommissioningRunObject::SPEED,
-        ]
-        .map(|place| self.float(place));
-        let (current_a, travel_rad, speed_rad_s) = (current_a?, travel_rad?, speed_rad_s?);
+        let current_a = self.float(CommissioningRunObject::CURRENT)?;
+        let travel_rad = self.float(CommissioningRunObject::TRAVEL)?;
+        let speed_rad_s = self.float(CommissioningRunObject::SPEED)?;
         let question = format!(
             "{name} will move the joint by up to {travel_rad} rad to either side, at up to {speed_rad_s} rad/s and \
              {current_a} A, for about one minute. Keep the range clear and be ready to switch off the supply. Continue?"
         );
         if !how.is_confirmed(&question)? {
-            return Err("cancelled; nothing was changed".into());
+            return Err(Refusal::Declined.into());
         }
         // A torque at each tenth SYNC shows too few points of a reversal: the fit would find a tenth too much inertia.
         let torque_type = Address::new(index::TRANSMIT_TORQUE, TRANSMISSION_TYPE);
         let kept_type = self.number(torque_type.index, torque_type.subindex)? as u8;
-        self.client.write(torque_type, &[EVERY_SYNC]).map_err(sdo_message)?;
-        let start = self.client.command(NmtCommand::StartRemoteNode);
-        start.map_err(|error| error.to_string())?;
-        let bus = self.client.bus();
-        let began_ns = bus.now_ns() + SETTLING_TIME.as_nanos() as u64;
-        while bus.receive(began_ns).map_err(|error| error.to_string())?.is_some() {}
+        self.client.write(torque_type, &[EVERY_SYNC])?;
+        self.client.command(NmtCommand::StartRemoteNode)?;
+        self.client.bus().discard_within(SETTLING_TIME)?;
+        let began_ns = self.client.bus().now_ns();
         let bar = spinner("friction run, about one minute".into());
         let step = self.order(ORDER_FRICTION_RUN).and_then(|()| self.follow_run(json));
         if step.is_err() {
@@ -78,11 +74,11 @@ impl Driver {
         bar.finish_and_clear();
         let seconds = (self.client.bus().now_ns() - began_ns) as f64 * 1e-9;
         let left = self.client.command(NmtCommand::EnterPreOperational);
-        let restored = self.client.write(torque_type, &[kept_type]).map_err(sdo_message);
+        let restored = self.client.write(torque_type, &[kept_type]);
         if step? != CommissioningStep::Done as u32 {
-            return Err(self.end_reason()?);
+            return Err(self.end_reason()?.into());
         }
-        left.map_err(|error| error.to_string())?;
+        left?;
         restored?;
         let trace = trace.display();
         if json {
@@ -97,7 +93,7 @@ impl Driver {
     }
 
     /// Sends SYNC and keep-alive frames until the run ends. Returns the step in which it ended.
-    fn follow_run(&mut self, json: bool) -> Result<u32, String> {
+    fn follow_run(&mut self, json: bool) -> Result<u32> {
         if !json {
             eprintln!("  the joint moves back and forth at decreasing speeds");
         }
@@ -110,10 +106,10 @@ impl Driver {
             count += 1;
             let bus = self.client.bus();
             let sync = CanFrame::from(Message::Sync(SyncFrame::of(count)).emit());
-            bus.send(&sync).map_err(|error| error.to_string())?;
+            bus.send(&sync)?;
             if due_ns >= sent_ns + keep_alive_ns {
                 sent_ns = due_ns;
-                self.client.write(order, &[ORDER_CONTINUE]).map_err(sdo_message)?;
+                self.client.write(order, &[ORDER_CONTINUE])?;
                 let step = self.number(index::COMMISSIONING_RUN, CommissioningRunObject::STEP)?;
                 if step != CommissioningStep::Rubbing as u32 {
                     return Ok(step);
@@ -122,7 +118,7 @@ impl Driver {
             let bus = self.client.bus();
             // After a delay, missed samples are skipped.
             due_ns = (due_ns + sample_ns).max(bus.now_ns());
-            while bus.receive(due_ns).map_err(|error| error.to_string())?.is_some() {}
+            while bus.receive(due_ns)?.is_some() {}
         }
     }
 }

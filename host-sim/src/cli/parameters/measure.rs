@@ -1,12 +1,15 @@
 //! What a measurement and a friction run share: their arguments, limits, orders and reasons to end.
 
-use super::{Driver, sdo_message};
+use super::{Driver, Result};
+use crate::cli::error::{Refusal, in_file, unfit};
+use crate::cli::output::is_answered_yes;
 use canopen_rs::Address;
 use clap::Args;
 use firmware::driver::commissioning::AbortReason;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::CommissioningRunObject;
-use std::io::{BufRead, IsTerminal, Write};
+use joint_tuning::master::code_names;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -25,7 +28,7 @@ pub(super) struct MeasureArguments {
     ///
     /// The results are shown, and stored and confirmed after you answer yes.
     #[arg(long)]
-    measure: bool,
+    pub(super) measure: bool,
     /// Stroke through the range and write a trace for `identify`: THE JOINT MOVES
     ///
     /// The joint moves through its range in both directions at decreasing speeds. It must be commissioned; with --measure,
@@ -53,96 +56,85 @@ pub(super) struct MeasureArguments {
 }
 
 impl MeasureArguments {
-    /// Returns true if the motor is to be measured.
-    pub(super) fn is_requested(&self) -> bool {
-        self.measure
-    }
-
-    /// Returns the path of the friction run's trace; `None` without `--friction-run`.
-    pub(super) fn friction_trace(&self) -> Result<Option<PathBuf>, String> {
+    /// Creates the folder of the friction run's trace, and returns its path; `None` without `--friction-run`.
+    pub(super) fn friction_trace(&self) -> Result<Option<PathBuf>> {
         if !self.friction_run {
             return Ok(None);
         }
-        trace_path(self.out.as_deref().unwrap_or(Path::new("out"))).map(Some)
+        let out = self.out.as_deref().unwrap_or(Path::new("out"));
+        std::fs::create_dir_all(out).map_err(in_file(out))?;
+        Ok(Some(out.join(TRACE_FILE)))
     }
 
     /// Checks the options that require a run.
     ///
     /// # Errors
     /// Returns one line if `--current` or `--yes` is given without a run.
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result {
         let given = self.current.is_some() || self.yes;
         if given && !self.measure && !self.friction_run {
-            return Err("--current, --yes: require --measure or --friction-run".into());
+            return Err(unfit("--current, --yes", "require --measure or --friction-run"));
         }
         Ok(())
     }
 
     /// Asks the user a question and returns true for yes. With `--yes`, the question is not asked.
-    pub(super) fn is_confirmed(&self, question: &str) -> Result<bool, String> {
+    pub(super) fn is_confirmed(&self, question: &str) -> Result<bool> {
         if self.yes {
             return Ok(true);
         }
         if !std::io::stdin().is_terminal() {
-            return Err(format!(
-                "{question} Standard input is not a terminal: use --yes to confirm"
-            ));
+            return Err(Refusal::NoTerminal(question.to_owned()).into());
         }
-        eprint!("{question} [y/N] ");
-        let _ = std::io::stderr().flush();
-        let mut answer = String::new();
-        std::io::stdin().lock().read_line(&mut answer).map_err(|error| error.to_string())?;
-        Ok(matches!(answer.trim(), "y" | "Y" | "yes"))
+        Ok(is_answered_yes(question)?)
     }
+}
+
+/// A run that ended early.
+#[derive(Debug, thiserror::Error)]
+#[error("ended: {name}: {meaning}{faults}; the bridge is open, no parameter was changed")]
+pub(super) struct RunEnded {
+    name: &'static str,
+    meaning: &'static str,
+    /// The faults in brackets; empty without any.
+    faults: String,
 }
 
 /// File name of the trace.
 const TRACE_FILE: &str = "trace.log";
 
-/// Creates the folder and returns the path of the trace.
-fn trace_path(out: &Path) -> Result<PathBuf, String> {
-    std::fs::create_dir_all(out).map_err(|error| format!("{}: {error}", out.display()))?;
-    Ok(out.join(TRACE_FILE))
-}
-
 impl Driver {
     /// Writes the limits of a run to the driver.
-    pub(super) fn set_limits(
-        &mut self,
-        how: &MeasureArguments,
-        travel: Option<f32>,
-    ) -> Result<(), String> {
+    pub(super) fn set_limits(&mut self, how: &MeasureArguments, travel: Option<f32>) -> Result {
         use CommissioningRunObject as R;
         for (place, value) in
             [(R::CURRENT, how.current), (R::TRAVEL, travel), (R::SPEED, how.speed)]
         {
             if let Some(value) = value {
                 let at = Address::new(index::COMMISSIONING_RUN, place);
-                self.client.write(at, &value.to_le_bytes()).map_err(sdo_message)?;
+                self.client.write(at, &value.to_le_bytes())?;
             }
         }
         Ok(())
     }
 
-    pub(super) fn order(&mut self, order: u8) -> Result<(), String> {
+    pub(super) fn order(&mut self, order: u8) -> Result {
         let at = Address::new(index::COMMISSIONING_RUN, CommissioningRunObject::ORDER);
-        self.client.write(at, &[order]).map_err(sdo_message)
+        Ok(self.client.write(at, &[order])?)
     }
 
-    pub(super) fn float(&mut self, place: u8) -> Result<f32, String> {
+    pub(super) fn float(&mut self, place: u8) -> Result<f32> {
         self.number(index::COMMISSIONING_RUN, place).map(f32::from_bits)
     }
 
-    /// Returns the reason why a run ended, as one line.
-    pub(super) fn end_reason(&mut self) -> Result<String, String> {
+    /// Returns the reason why a run ended.
+    pub(super) fn end_reason(&mut self) -> Result<RunEnded> {
         let number = self.number(index::COMMISSIONING_RUN, CommissioningRunObject::REASON)? as u8;
         let (name, meaning) = AbortReason::describe(number)
             .unwrap_or(("unknown", "reason of another firmware version"));
-        let faults = super::status::codes(self.number(index::STATE, 3)?, 1);
+        let faults = code_names(self.number(index::STATE, 3)?, 1);
         let faults =
             if faults.is_empty() { String::new() } else { format!(" ({})", faults.join(", ")) };
-        Ok(format!(
-            "ended: {name}: {meaning}{faults}; the bridge is open, no parameter was changed"
-        ))
+        Ok(RunEnded { name, meaning, faults })
     }
 }

@@ -1,15 +1,12 @@
 //! `params status`: shows the identity and the state of a driver.
 
-use super::{Driver, sdo_message};
-use crate::cli::output::{pretty, print_text};
+use super::{Driver, Result, print_result};
 use canopen_rs::Address;
 use compensator_core::TermKind;
 use compensator_core::term::MAX_TERMS;
 use firmware::node::dictionary::records::NetworkObject;
 use firmware::node::dictionary::{FRAME_COUNTERS, index};
-use firmware::supervisor::Code;
-use joint_bus::bus::Bus;
-use joint_bus::canopen::Client;
+use joint_tuning::master::code_names;
 use serde_json::json;
 
 /// State of the network (object 200Bh).
@@ -45,7 +42,7 @@ impl NetworkStatus {
 
 impl Driver {
     /// Reads the state of the network; `None` if the driver has no network.
-    fn network(&mut self) -> Result<Option<NetworkStatus>, String> {
+    fn network(&mut self) -> Result<Option<NetworkStatus>> {
         if self.number(index::NETWORK, NetworkObject::PRESENT)? == 0 {
             return Ok(None);
         }
@@ -62,7 +59,7 @@ impl Driver {
     }
 
     /// Reads the terms of the staged model, and whether each is live.
-    fn terms(&mut self) -> Result<Vec<(TermKind, bool)>, String> {
+    fn terms(&mut self) -> Result<Vec<(TermKind, bool)>> {
         let live = self.number(index::LIVE_TERMS, 0)?;
         let mut terms = Vec::new();
         // The entries of the terms follow law and choices.
@@ -76,16 +73,19 @@ impl Driver {
     }
 
     /// Prints the status.
-    pub(super) fn status(&mut self, json: bool) -> Result<(), String> {
-        let text = |client: &mut Client<Box<dyn Bus>>, at_index| {
-            client.read_text(Address::new(at_index, 0)).map_err(sdo_message)
-        };
-        let name = text(&mut self.client, index::DEVICE_NAME)?;
-        let hardware = text(&mut self.client, index::HARDWARE_VERSION)?;
-        let software = text(&mut self.client, index::SOFTWARE_VERSION)?;
+    pub(super) fn status(&mut self, json: bool) -> Result {
+        let mut text = |at_index| self.client.read_text(Address::new(at_index, 0));
+        let [name, hardware, software, panic] = [
+            index::DEVICE_NAME,
+            index::HARDWARE_VERSION,
+            index::SOFTWARE_VERSION,
+            index::LAST_PANIC,
+        ]
+        .map(&mut text);
+        let (name, hardware, software, panic) = (name?, hardware?, software?, panic?);
         let state = self.state()?;
-        let faults = codes(self.number(index::STATE, 3)?, 1);
-        let limits = codes(self.number(index::STATE, 4)?, 33);
+        let faults = code_names(self.number(index::STATE, 3)?, 1);
+        let limits = code_names(self.number(index::STATE, 4)?, 33);
         let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
         let number = if self.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" };
         let crc = self.number(index::COMMIT, 1)?;
@@ -98,26 +98,20 @@ impl Driver {
         let out_of_band = self.number(index::WATCH, 3)?;
         let network = self.network()?;
         let terms = self.terms()?;
-        let panic = text(&mut self.client, index::LAST_PANIC)?;
-        let refusal = self.client.read_refusal().map_err(sdo_message)?;
-        let mut counters = Vec::new();
-        for (place, counter) in FRAME_COUNTERS.iter().enumerate() {
-            let value = self.number(index::FRAME_COUNTERS, place as u8 + 1)?;
-            counters.push((*counter, value));
+        let refusal = self.client.read_refusal()?;
+        let mut counters = serde_json::Map::new();
+        for (place, counter) in (1..).zip(FRAME_COUNTERS) {
+            counters
+                .insert((*counter).to_owned(), self.number(index::FRAME_COUNTERS, place)?.into());
         }
-        if json {
-            let counters: serde_json::Map<_, _> =
-                counters.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
-            let status = json!({
-                "name": name, "hardware": hardware, "software": software, "state": state,
-                "faults": faults, "limits": limits, "source": source, "number": number,
-                "parameters_crc": format!("{crc:08x}"), "commissioned": commissioned, "model_in_band": in_band,
-                "windows_out_of_band": out_of_band, "terms": terms.iter().map(|(kind, is_live)| json!({"name": kind.name(), "live": is_live})).collect::<Vec<_>>(),
-                "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
-                "last_refusal": refusal, "counters": counters,
-            });
-            return print_text(&pretty(&status)?);
-        }
+        let status = json!({
+            "name": name, "hardware": hardware, "software": software, "state": state,
+            "faults": faults, "limits": limits, "source": source, "number": number,
+            "parameters_crc": format!("{crc:08x}"), "commissioned": commissioned, "model_in_band": in_band,
+            "windows_out_of_band": out_of_band, "terms": terms.iter().map(|(kind, is_live)| json!({"name": kind.name(), "live": is_live})).collect::<Vec<_>>(),
+            "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
+            "last_refusal": refusal, "counters": counters,
+        });
         let list = |codes: &[&str]| {
             if codes.is_empty() { "none".to_owned() } else { codes.join(", ") }
         };
@@ -149,10 +143,10 @@ impl Driver {
                 out += &format!("{label} {value}\n");
             }
         }
-        for (name, value) in counters.iter().filter(|(_, value)| *value > 0) {
+        for (name, value) in counters.iter().filter(|(_, value)| **value != 0) {
             out += &format!("{name:<20} {value}\n");
         }
-        print_text(&out)
+        print_result(json, &status, &out)
     }
 }
 
@@ -168,17 +162,12 @@ fn terms_in_words(terms: &[(TermKind, bool)]) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Returns the names of the codes in a bit set; bit 0 is code number `first`.
-pub(super) fn codes(bits: u32, first: u8) -> Vec<&'static str> {
-    let set = (0..32u8).filter(|bit| bits >> bit & 1 != 0);
-    set.filter_map(|bit| Code::from_number(first + bit)).map(|code| code.info().name).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use compensator_core::can::NodeId;
-    use joint_bus::bus::Hub;
+    use joint_bus::bus::{Bus, Hub};
+    use joint_bus::canopen::Client;
     use joint_bus::joint::JointNode;
 
     #[test]

@@ -1,6 +1,6 @@
 //! The stored trend of the learnt levels (2047h): a table, a file, and the change of the level.
 
-use super::{Driver, pretty, print_text, sdo_message};
+use super::{Driver, Result, print_result};
 use crate::cli::output::write_file;
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
@@ -22,26 +22,23 @@ const TERM_GAIN_OF_ONE: f64 = 500.0;
 
 impl Driver {
     /// Prints the trend, and writes it to a file.
-    pub(super) fn trend(&mut self, write: Option<&Path>, json: bool) -> Result<(), String> {
+    pub(super) fn trend(&mut self, write: Option<&Path>, json: bool) -> Result {
         let trend = self.read_trend()?;
         if let Some(path) = write {
             let content = trend.emit(path)?;
             write_file(path, content.as_bytes())?;
         }
-        if json {
-            return print_text(&pretty(&trend)?);
-        }
-        print_text(&table(&trend))
+        print_result(json, &trend, &table(&trend))
     }
 
-    fn read_trend(&mut self) -> Result<LevelTrend, String> {
+    fn read_trend(&mut self) -> Result<LevelTrend> {
         let unit = self.joint_kind()?.torque_unit().to_owned();
         let set = self.read_set()?;
         let terms: Vec<&str> = set.friction.model.terms.iter().map(|kind| kind.name()).collect();
         let bytes = match self.client.read_blocks(Address::new(index::LEVEL_TREND, 0), |_| ()) {
             Ok(bytes) => bytes,
             Err(SdoError::Refused { code: NO_DATA, .. }) => Vec::new(),
-            Err(error) => return Err(sdo_message(error)),
+            Err(error) => return Err(error.into()),
         };
         let entries = bytes.as_chunks().0.iter().filter_map(TrendEntry::parse);
         let entries = entries.map(|entry| level_entry(&entry, &terms)).collect();
@@ -180,7 +177,8 @@ mod tests {
         for figure in ["+10 %", "100 h", "(10 to 10)", " 39"] {
             assert!(change.contains(figure), "{figure}: {text}");
         }
-        let refused = driver.trend(Some(&folder.path().join("trend.toml")), false).unwrap_err();
+        let refused =
+            driver.trend(Some(&folder.path().join("trend.toml")), false).unwrap_err().to_string();
         assert!(refused.contains("trend.toml") && refused.contains(".json"), "{refused}");
         crate::snapshot::check("units-of-commands", "change of a level", change);
     }

@@ -13,7 +13,7 @@ fn short_form_repeats_published_results() {
         let found = outcome
             .rows
             .iter()
-            .find(|own| own.table == table && own.row == row && own.column == column);
+            .find(|value| value.table == table && value.row == row && value.column == column);
         found.unwrap_or_else(|| panic!("{table}: {row}, {column}"))
     };
     assert!(outcome.rows.iter().all(|row| row.simulated && row.ours.is_finite()));

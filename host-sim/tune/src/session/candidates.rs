@@ -68,18 +68,18 @@ fn is_legal(set: &ParameterSet) -> bool {
     let bounds = set.friction.model.largest_torques_nm(PERIOD_S);
     set.validate().is_ok()
         && set.check_buildable().is_ok()
-        && bounds.is_ok_and(|bounds| bounds.iter().all(|own| own.is_finite()))
+        && bounds.is_ok_and(|bounds| bounds.iter().all(|bound| bound.is_finite()))
 }
 
 /// Offers a law that can give out energy, if it errs clearly less than one that only dissipates energy.
 fn offer_of(learnt: &Learnt, active: &Outcome, passive: Option<&Outcome>) -> Option<String> {
-    let own_nm = learnt.held_out_nm(active);
+    let active_nm = learnt.held_out_nm(active);
     let passive_nm = passive.map_or(f64::INFINITY, |passive| learnt.held_out_nm(passive));
-    (own_nm < (1.0 - OFFER_SHARE) * passive_nm).then(|| {
+    (active_nm < (1.0 - OFFER_SHARE) * passive_nm).then(|| {
         let less = match passive {
             Some(_) => format!(
                 "errs {:.0} % less on held-out rows than one that only dissipates energy",
-                100.0 * (1.0 - own_nm / passive_nm)
+                100.0 * (1.0 - active_nm / passive_nm)
             ),
             None => "describes the runs, and none that only dissipates energy does".to_owned(),
         };

@@ -1,8 +1,8 @@
 //! The trial: rounds of blocks with the former set (A), the new one (B), and the former friction model with the new loop gains (C).
 
-use super::TuneUser;
+use super::SessionError;
 use super::candidates::{gains_of, with_gains};
-use super::work::{Ended, PAUSE_S, TRIAL_BLOCKS, Work, course};
+use super::work::{PAUSE_S, TRIAL_BLOCKS, Work, course};
 use crate::gain::order;
 use crate::proof::{self, Verdict};
 use crate::score::Scored;
@@ -33,9 +33,9 @@ fn arms(former: &TunedSet, new: &TunedSet) -> Vec<(TuneArm, TunedSet)> {
 
 impl<B: Bus> Work<'_, B> {
     /// Runs the session up to its verdict.
-    pub(super) fn run(&mut self, user: &mut dyn TuneUser) -> Result<Verdict, Ended> {
-        match self.search(user)? {
-            Some(chosen) => self.compare(chosen, user),
+    pub(super) fn run(&mut self) -> Result<Verdict, SessionError> {
+        match self.search()? {
+            Some(chosen) => self.compare(chosen),
             None => {
                 let why = "no new set was better than the present one in its first block";
                 Ok(Verdict::returned(why))
@@ -44,7 +44,7 @@ impl<B: Bus> Work<'_, B> {
     }
 
     /// Compares a new set with the former one, and with its loop gains alone.
-    fn compare(&mut self, chosen: TunedSet, user: &mut dyn TuneUser) -> Result<Verdict, Ended> {
+    fn compare(&mut self, chosen: TunedSet) -> Result<Verdict, SessionError> {
         let arms = arms(&self.former(), &chosen);
         let left_s = self.options.seconds - self.elapsed_s();
         let round_s = arms.len() as f64 * (self.motion.seconds() + PAUSE_S);
@@ -54,7 +54,11 @@ impl<B: Bus> Work<'_, B> {
             3.. => possible.clamp(LEAST_OF_THREE, most),
             _ => (possible - possible % 2).clamp(LEAST_OF_TWO, most),
         };
-        user.progress(&format!("trial: {} blocks with {} sets", arms.len() * rounds, arms.len()));
+        self.user.progress(&format!(
+            "trial: {} blocks with {} sets",
+            arms.len() * rounds,
+            arms.len()
+        ));
         let places: Vec<usize> = (0..arms.len()).collect();
         let mut last = None;
         for round in order(&places, rounds) {
@@ -79,7 +83,11 @@ impl<B: Bus> Work<'_, B> {
     }
 
     /// Performs a block of the trial with a set, or with the active one.
-    fn trial_block(&mut self, arm: TuneArm, tuned: Option<&TunedSet>) -> Result<Scored, Ended> {
+    fn trial_block(
+        &mut self,
+        arm: TuneArm,
+        tuned: Option<&TunedSet>,
+    ) -> Result<Scored, SessionError> {
         let (recording, scored) = match tuned {
             Some(tuned) => self.block(tuned, "trial")?,
             None => self.scored_block("trial")?,

@@ -1,8 +1,8 @@
 //! The end of a session: save or return, and the report.
 
 use super::candidates::is_active;
-use super::work::{Ended, Work};
-use super::{Session, TuneUser};
+use super::work::Work;
+use super::{Session, SessionError};
 use crate::learn::Learnt;
 use crate::master::TRIAL_DEADLINE_MS;
 use crate::motion::MotionLimits;
@@ -18,11 +18,7 @@ use joint_bus::bus::Bus;
 
 impl<B: Bus> Work<'_, B> {
     /// Saves the new set or brings the former one back, and returns the result.
-    pub(super) fn finish(
-        mut self,
-        ended: Result<Verdict, Ended>,
-        user: &mut dyn TuneUser,
-    ) -> Session {
+    pub(super) fn finish(mut self, ended: Result<Verdict, SessionError>) -> Session {
         let verdict = ended.unwrap_or_else(|error| Verdict::returned(&error.to_string()));
         let mut warnings = self.before.warnings.clone();
         warnings.extend(self.remarks(&verdict));
@@ -35,7 +31,7 @@ impl<B: Bus> Work<'_, B> {
             self.return_former(&verdict.why, &mut warnings)
         };
         let _ = self.master.leave();
-        user.progress(match &outcome {
+        self.user.progress(match &outcome {
             TuneOutcome::Saved => "saved: the new parameters are in the flash of the joint",
             TuneOutcome::Returned(_) => "the former parameters are active",
         });
@@ -54,12 +50,12 @@ impl<B: Bus> Work<'_, B> {
 
     /// Disarms the joint and brings the stored set back, as far as the joint answers.
     fn return_former(&mut self, why: &str, warnings: &mut Vec<String>) -> TuneOutcome {
-        if let Err(error) = self.disable() {
+        if let Err(error) = self.master.disable_if_enabled() {
             warnings.push(format!("disarming: {error}"));
         }
-        let is_on_trial = std::mem::take(&mut self.is_on_trial);
-        let returned = if is_on_trial { trial_set::give_back(&mut self.master) } else { Ok(()) };
-        if let Err(error) = returned {
+        if self.master.has_trial()
+            && let Err(error) = trial_set::give_back(&mut self.master)
+        {
             warnings.push(format!(
                 "the return of the former set was not confirmed ({error}); the drive returns by itself at most {} s after \
                  the last renewal, and at every reset",
@@ -93,11 +89,9 @@ impl<B: Bus> Work<'_, B> {
     }
 
     /// Writes the record, and keeps and stores it with the new set.
-    fn save(&mut self, verdict: &Verdict) -> Result<(), Ended> {
-        let Some(tuned) = self.tried.clone() else {
-            return Err(Ended::Why("no set was tried".to_owned()));
-        };
-        self.disable()?;
+    fn save(&mut self, verdict: &Verdict) -> Result<(), SessionError> {
+        let tuned = self.tried.clone().ok_or(SessionError::NothingTried)?;
+        self.master.disable_if_enabled()?;
         trial_set::apply(&mut self.master, &tuned)?;
         self.master.restore_interpolation(self.before.interpolation)?;
         self.master.set_following_window(self.before.following)?;
@@ -111,9 +105,7 @@ impl<B: Bus> Work<'_, B> {
             gain_permille: (1e3 * verdict.tracking_gain()) as i16,
             cause: cause.map_or(0, Learnt::cause_number),
         };
-        trial_set::keep_and_save(&mut self.master, &record)?;
-        self.is_on_trial = false;
-        Ok(())
+        Ok(trial_set::keep_and_save(&mut self.master, &record)?)
     }
 
     fn report(
@@ -126,7 +118,7 @@ impl<B: Bus> Work<'_, B> {
         let (cause, probability) =
             self.learnt.as_ref().map_or(("none".to_owned(), 0.0), Learnt::cause);
         let recordings: Vec<Recording> =
-            self.recordings.iter().map(|(own, _)| own.clone()).collect();
+            self.recordings.iter().map(|(recording, _)| recording.clone()).collect();
         let mut not_learnt = constant_covariates(&recordings);
         let MotionLimits { range_rad, speed_rad_s, .. } = self.options.limits;
         not_learnt.push(format!(
@@ -159,7 +151,7 @@ impl<B: Bus> Work<'_, B> {
             rounds: self.rounds.clone(),
             not_learnt,
             trial,
-            courses: [TuneArm::Former, arm].map(|own| self.courses[own as usize].clone()),
+            courses: [TuneArm::Former, arm].map(|shown| self.courses[shown as usize].clone()),
             control: self.control.clone(),
             parameters: tried.map_or_else(Vec::new, |tuned| self.changes(tuned)),
             bounds_nm: tried.map_or([0.0; 2], |tuned| bounds_nm(&tuned.set)),

@@ -1,17 +1,17 @@
 //! The steps of a session up to its trial.
 
 use super::candidates::{Laws, gains_of, is_active, with_gains};
-use super::{TuneOptions, TuneUser, has_active};
+use super::{SessionError, TuneOptions, TuneUser, has_active};
 use crate::experiment::{Experiment, library, most_informative, survey};
 use crate::frequency::{self, LoopGains};
 use crate::learn::{Learnt, learn};
 use crate::master::{Master, MasterError};
 use crate::motion::{Motion, MotionLimits};
-use crate::preflight::{Found, Refusal, check_heat};
+use crate::preflight::{Found, check_heat};
 use crate::proof::{self, Means, Round};
 use crate::recording::Recording;
 use crate::score::{Scored, score};
-use crate::trial_set::{self, TrialError, TunedSet};
+use crate::trial_set::{self, TunedSet};
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AccessObject;
@@ -46,19 +46,6 @@ const UNLOCK_NS: u64 = 300_000_000_000;
 /// Reason of a block that is performed with a candidate.
 const CANDIDATE: &str = "a candidate";
 
-/// Reason why a session ends before its proof.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum Ended {
-    #[error(transparent)]
-    Master(#[from] MasterError),
-    #[error(transparent)]
-    Trial(#[from] TrialError),
-    #[error(transparent)]
-    Refused(#[from] Refusal),
-    #[error("{0}")]
-    Why(String),
-}
-
 /// The state of a session.
 pub(super) struct Work<'a, B> {
     pub(super) master: Master<B>,
@@ -82,15 +69,17 @@ pub(super) struct Work<'a, B> {
     unlocked_ns: u64,
     /// Position error at which a block of the trial is ended, rad.
     guard_rad: f64,
-    pub(super) is_enabled: bool,
-    pub(super) is_on_trial: bool,
+    pub(super) user: &'a mut dyn TuneUser,
 }
 
 /// Returns the time that the shortest session takes on the bus, s: baseline, survey, a candidate, and the fewest blocks.
 pub(super) fn least_seconds(motion: &Motion, limits: &MotionLimits) -> f64 {
     let blocks = 3.0 + LEAST_BLOCKS;
-    let studied = survey(limits).into_iter().map(|own| own.motion).chain(frequency::motion(limits));
-    let studied: f64 = studied.map(|own| own.seconds() + PAUSE_S).sum();
+    let studied = survey(limits)
+        .into_iter()
+        .map(|experiment| experiment.motion)
+        .chain(frequency::motion(limits));
+    let studied: f64 = studied.map(|motion| motion.seconds() + PAUSE_S).sum();
     studied + blocks * (motion.seconds() + PAUSE_S)
 }
 
@@ -101,6 +90,7 @@ impl<'a, B: Bus> Work<'a, B> {
         motion: Motion,
         before: Found,
         began_ns: u64,
+        user: &'a mut dyn TuneUser,
     ) -> Self {
         Self {
             master,
@@ -119,8 +109,7 @@ impl<'a, B: Bus> Work<'a, B> {
             courses: Default::default(),
             unlocked_ns: began_ns,
             guard_rad: 0.0,
-            is_enabled: false,
-            is_on_trial: false,
+            user,
         }
     }
 
@@ -145,21 +134,11 @@ impl<'a, B: Bus> Work<'a, B> {
         TunedSet { set: self.before.set.clone(), position_gain: self.before.position_gain }
     }
 
-    /// Opens the first trial: the drive refuses it unless its active parameters are the stored ones. Nothing has moved.
-    ///
-    /// # Errors
-    /// The drive refuses it, with its reason.
-    pub(super) fn begin(&mut self) -> Result<(), TrialError> {
-        trial_set::open(&mut self.master)?;
-        self.is_on_trial = true;
-        Ok(())
-    }
-
     /// Searches the best new set; `None` if no set was better than the present one in its first block.
-    pub(super) fn search(&mut self, user: &mut dyn TuneUser) -> Result<Option<TunedSet>, Ended> {
+    pub(super) fn search(&mut self) -> Result<Option<TunedSet>, SessionError> {
         self.master.configure()?;
         self.begin_trial()?;
-        user.progress("baseline: the motion of the trial with the present parameters");
+        self.user.progress("baseline: the motion of the trial with the present parameters");
         let motion = self.motion.clone();
         self.master.set_error_guard(self.study_guard_rad());
         let baseline = self.perform(&motion, "the present parameters")?;
@@ -168,12 +147,12 @@ impl<'a, B: Bus> Work<'a, B> {
         self.guard_rad = (ERROR_GUARD * former.health.worst_error_rad).max(MIN_GUARD_RAD);
         self.master.set_error_guard(self.guard_rad);
         let mut best = None;
-        let designed = match self.design_loop(user)? {
-            Some(gains) => self.usable_gains(gains, &former, &mut best, user)?,
+        let designed = match self.design_loop()? {
+            Some(gains) => self.usable_gains(gains, &former, &mut best)?,
             None => None,
         };
-        self.study(user)?;
-        self.screen_laws(designed.as_ref(), &former, &mut best, user)?;
+        self.study()?;
+        self.screen_laws(designed.as_ref(), &former, &mut best)?;
         Ok(best.map(|(_, chosen)| chosen))
     }
 
@@ -183,8 +162,7 @@ impl<'a, B: Bus> Work<'a, B> {
         designed: Option<&LoopGains>,
         former: &Scored,
         best: &mut Option<(f64, TunedSet)>,
-        user: &mut dyn TuneUser,
-    ) -> Result<(), Ended> {
+    ) -> Result<(), SessionError> {
         let Some(learnt) = &self.learnt else { return Ok(()) };
         let has_active = has_active(self.options, &self.before);
         let Laws { sets, offer } = Laws::of(&self.before.set, learnt, has_active);
@@ -198,7 +176,7 @@ impl<'a, B: Bus> Work<'a, B> {
                 }
                 let position_gain = self.before.position_gain;
                 let tuned = with_gains(&TunedSet { set: set.clone(), position_gain }, gains);
-                self.screen(&tuned, former, best, user)?;
+                self.screen(&tuned, former, best)?;
             }
             if best.is_some() {
                 break;
@@ -220,17 +198,17 @@ impl<'a, B: Bus> Work<'a, B> {
         designed: LoopGains,
         former: &Scored,
         best: &mut Option<(f64, TunedSet)>,
-        user: &mut dyn TuneUser,
-    ) -> Result<Option<LoopGains>, Ended> {
+    ) -> Result<Option<LoopGains>, SessionError> {
         let mut usable = None;
         self.begin_trial()?;
         for share in GAIN_SHARES {
             let gains = designed.softened(share);
             let stiffer = with_gains(&self.former(), &gains);
-            self.screen(&stiffer, former, best, user)?;
+            self.screen(&stiffer, former, best)?;
             if best.is_some() {
-                self.control =
-                    self.slides().and_then(|own| frequency::assess(own, self.nm_per_a(), &gains));
+                self.control = self
+                    .slides()
+                    .and_then(|recording| frequency::assess(recording, self.nm_per_a(), &gains));
                 usable = Some(gains);
                 break;
             }
@@ -249,16 +227,17 @@ impl<'a, B: Bus> Work<'a, B> {
 
     /// Returns the recording of the measurement of the mechanics.
     fn slides(&self) -> Option<&Recording> {
-        let found = self.recordings.iter().rfind(|(own, _)| own.name == frequency::NAME);
+        let found =
+            self.recordings.iter().rfind(|(recording, _)| recording.name == frequency::NAME);
         found.map(|(recording, _)| recording)
     }
 
     /// Measures the response of the mechanics and designs the loop gains; `None` if the response is not certain enough.
-    fn design_loop(&mut self, user: &mut dyn TuneUser) -> Result<Option<LoopGains>, Ended> {
+    fn design_loop(&mut self) -> Result<Option<LoopGains>, SessionError> {
         let limits = self.options.limits;
         let Some(motion) = frequency::motion(&limits) else { return Ok(None) };
         let why = "the response from current to velocity";
-        self.round(&Experiment { motion, why }, user)?;
+        self.round(&Experiment { motion, why })?;
         // Computing may take longer than the deadline of a trial.
         self.end_trial()?;
         let Some(recording) = self.slides() else { return Ok(None) };
@@ -266,7 +245,7 @@ impl<'a, B: Bus> Work<'a, B> {
         let Some((gains, control)) = frequency::design(recording, self.nm_per_a(), &former) else {
             return Ok(None);
         };
-        user.progress(&format!(
+        self.user.progress(&format!(
             "loop: crossover {:.1} Hz with margins of {:.0} degrees and {:.0} dB",
             control.crossover_hz, control.phase_margin_deg, control.gain_margin_db
         ));
@@ -274,7 +253,7 @@ impl<'a, B: Bus> Work<'a, B> {
     }
 
     /// Opens the service level of a locked joint again before it ends. The joint must be disarmed.
-    fn stay_unlocked(&mut self) -> Result<(), Ended> {
+    fn stay_unlocked(&mut self) -> Result<(), SessionError> {
         let client = self.master.client();
         let now_ns = client.bus().now_ns();
         if now_ns > self.unlocked_ns + UNLOCK_NS {
@@ -288,11 +267,10 @@ impl<'a, B: Bus> Work<'a, B> {
     }
 
     /// Disarms the joint and opens or renews a trial. Every motion is on trial, so that the drive itself restores its settings.
-    fn begin_trial(&mut self) -> Result<(), Ended> {
-        self.disable()?;
+    fn begin_trial(&mut self) -> Result<(), SessionError> {
+        self.master.disable_if_enabled()?;
         self.stay_unlocked()?;
         trial_set::open(&mut self.master)?;
-        self.is_on_trial = true;
         self.master.set_interpolation()?;
         let micro_rad = (1e6 * self.guard_rad.max(self.study_guard_rad())) as u32;
         let (former_micro_rad, former_ms) = self.before.following;
@@ -304,24 +282,20 @@ impl<'a, B: Bus> Work<'a, B> {
     }
 
     /// Disarms the joint and brings the stored set back.
-    fn end_trial(&mut self) -> Result<(), Ended> {
-        self.disable()?;
-        if self.is_on_trial {
+    fn end_trial(&mut self) -> Result<(), SessionError> {
+        self.master.disable_if_enabled()?;
+        if self.master.has_trial() {
             trial_set::give_back(&mut self.master)?;
-            self.is_on_trial = false;
         }
         Ok(())
     }
 
-    /// Enables the drive if it is not, moves to the origin and performs a motion.
-    fn perform(&mut self, motion: &Motion, why: &str) -> Result<Recording, Ended> {
-        if !self.is_on_trial {
+    /// Enables the drive, moves to the origin and performs a motion.
+    fn perform(&mut self, motion: &Motion, why: &str) -> Result<Recording, SessionError> {
+        if !self.master.has_trial() {
             self.begin_trial()?;
         }
-        if !self.is_enabled {
-            self.master.enable()?;
-            self.is_enabled = true;
-        }
+        self.master.enable()?;
         let origin = self.before.position_rad;
         self.master.approach(origin, 0.3 * self.options.limits.speed_rad_s)?;
         let recording = self.master.play(motion, origin)?;
@@ -329,35 +303,27 @@ impl<'a, B: Bus> Work<'a, B> {
         Ok(recording)
     }
 
-    pub(super) fn disable(&mut self) -> Result<(), Ended> {
-        if self.is_enabled {
-            self.is_enabled = false;
-            self.master.disable()?;
-        }
-        Ok(())
-    }
-
     /// Performs the motions of the survey and those chosen after it, until the doubt is small or the time is used.
-    fn study(&mut self, user: &mut dyn TuneUser) -> Result<(), Ended> {
+    fn study(&mut self) -> Result<(), SessionError> {
         let limits = self.options.limits;
         self.begin_study()?;
         for experiment in survey(&limits) {
-            self.round(&experiment, user)?;
+            self.round(&experiment)?;
         }
-        self.diagnose(user)?;
+        self.diagnose()?;
         let mut left = library(&limits);
         for _ in 0..MAX_CHOSEN {
             let Some(next) = self.next_experiment(&mut left) else { break };
             self.begin_study()?;
-            self.round(&next, user)?;
-            self.diagnose(user)?;
+            self.round(&next)?;
+            self.diagnose()?;
         }
         Ok(())
     }
 
     /// Activates the set with which the joint is studied.
-    fn begin_study(&mut self) -> Result<(), Ended> {
-        self.disable()?;
+    fn begin_study(&mut self) -> Result<(), SessionError> {
+        self.master.disable_if_enabled()?;
         check_heat(self.master.client())?;
         self.begin_trial()?;
         if let Some(tuned) = self.study_set.clone() {
@@ -366,9 +332,9 @@ impl<'a, B: Bus> Work<'a, B> {
         Ok(())
     }
 
-    fn round(&mut self, experiment: &Experiment, user: &mut dyn TuneUser) -> Result<(), Ended> {
+    fn round(&mut self, experiment: &Experiment) -> Result<(), SessionError> {
         let Experiment { motion, why } = experiment;
-        user.progress(&format!("{}, {:.0} s: {why}", motion.name, motion.seconds()));
+        self.user.progress(&format!("{}, {:.0} s: {why}", motion.name, motion.seconds()));
         self.master.set_error_guard(self.guard_rad.max(self.study_guard_rad()));
         let performed = self.perform(motion, why);
         self.master.set_error_guard(self.guard_rad);
@@ -382,18 +348,18 @@ impl<'a, B: Bus> Work<'a, B> {
         Ok(())
     }
 
-    fn diagnose(&mut self, user: &mut dyn TuneUser) -> Result<(), Ended> {
+    fn diagnose(&mut self) -> Result<(), SessionError> {
         self.end_trial()?;
         // The slides excite the mechanics beyond the frequencies at which a joint is a rigid body, and an oscillating
         // candidate does too.
-        let is_quiet =
-            |(own, why): &&(Recording, String)| own.name != frequency::NAME && why != CANDIDATE;
-        let quiet = self.recordings.iter().filter(is_quiet).map(|(own, _)| own.clone());
+        let is_quiet = |(recording, why): &&(Recording, String)| {
+            recording.name != frequency::NAME && why != CANDIDATE
+        };
+        let quiet = self.recordings.iter().filter(is_quiet).map(|(recording, _)| recording.clone());
         let recordings: Vec<Recording> = quiet.collect();
-        let learnt =
-            learn(&recordings, self.options.seed).map_err(|error| Ended::Why(error.to_string()))?;
+        let learnt = learn(&recordings, self.options.seed)?;
         let (cause, probability) = learnt.cause();
-        user.progress(&format!("diagnosis: {cause}, probability {probability:.2}"));
+        self.user.progress(&format!("diagnosis: {cause}, probability {probability:.2}"));
         self.learnt = Some(learnt);
         Ok(())
     }
@@ -406,7 +372,7 @@ impl<'a, B: Bus> Work<'a, B> {
         if learnt.is_settled() {
             return None;
         }
-        left.retain(|own| own.motion.seconds() + PAUSE_S < time_s);
+        left.retain(|experiment| experiment.motion.seconds() + PAUSE_S < time_s);
         let [first, second] = learnt.open_hypotheses()?;
         let track = learnt.input.train.last()?;
         let at = track.samples.last()?;
@@ -424,8 +390,7 @@ impl<'a, B: Bus> Work<'a, B> {
         tuned: &TunedSet,
         former: &Scored,
         best: &mut Option<(f64, TunedSet)>,
-        user: &mut dyn TuneUser,
-    ) -> Result<(), Ended> {
+    ) -> Result<(), SessionError> {
         let name = format!(
             "model {}, scale {}, velocity gain {:.2}",
             crate::names::model_name(&tuned.set.friction.model),
@@ -435,16 +400,16 @@ impl<'a, B: Bus> Work<'a, B> {
         let scored = match self.block(tuned, CANDIDATE) {
             Ok((_, scored)) => scored,
             // A set that makes the joint leave its demand is no candidate.
-            Err(Ended::Master(MasterError::ErrorGuard(error))) => {
-                self.is_enabled = false;
-                user.progress(&format!("candidate: {name}: stopped at an error of {error:.3} rad"));
+            Err(SessionError::Master(MasterError::ErrorGuard(error))) => {
+                self.user
+                    .progress(&format!("candidate: {name}: stopped at an error of {error:.3} rad"));
                 return Ok(());
             }
             Err(other) => return Err(other),
         };
         let cost = proof::cost(former, &scored);
         let oscillation = proof::oscillates(former, &scored);
-        user.progress(&format!(
+        self.user.progress(&format!(
             "candidate: {name}: error at reversals {:.2}, tracking {:.2} of before{}",
             scored.scores[0] / former.scores[0],
             scored.scores[1] / former.scores[1],
@@ -463,8 +428,8 @@ impl<'a, B: Bus> Work<'a, B> {
         &mut self,
         tuned: &TunedSet,
         why: &str,
-    ) -> Result<(Recording, Scored), Ended> {
-        self.disable()?;
+    ) -> Result<(Recording, Scored), SessionError> {
+        self.master.disable_if_enabled()?;
         check_heat(self.master.client())?;
         self.stay_unlocked()?;
         trial_set::apply(&mut self.master, tuned)?;
@@ -472,7 +437,7 @@ impl<'a, B: Bus> Work<'a, B> {
         self.scored_block(why)
     }
 
-    pub(super) fn scored_block(&mut self, why: &str) -> Result<(Recording, Scored), Ended> {
+    pub(super) fn scored_block(&mut self, why: &str) -> Result<(Recording, Scored), SessionError> {
         let motion = self.motion.clone();
         let recording = self.perform(&motion, why)?;
         let scored = score(&recording, self.nm_per_a());

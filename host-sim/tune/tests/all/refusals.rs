@@ -28,9 +28,10 @@ impl Bench {
     /// Returns the line of a session that is refused. Nothing was asked, and the joint did not arm.
     fn refusal(&self, limits: MotionLimits) -> String {
         let mut user = User::default();
-        let own = joint_tuning::TuneOptions { limits, ..options(300.0, 1) };
+        let limited = joint_tuning::TuneOptions { limits, ..options(300.0, 1) };
         let at = self.node.borrow().plant().position_rad();
-        let error = tune(self.client(), &own, Box::new(|| false), &mut user).expect_err("refused");
+        let error =
+            tune(self.client(), &limited, Box::new(|| false), &mut user).expect_err("refused");
         let line = error.to_string();
         assert!(user.questions.is_empty() && user.lines.is_empty(), "{line}");
         assert!(!line.contains('\n'), "{line}");

@@ -28,7 +28,7 @@ fn check_report(session: &Session) {
         let blocks = report.trial.blocks.iter().enumerate();
         blocks.filter(|(_, block)| block.arm == arm).map(|(at, _)| at).sum::<usize>()
     });
-    assert!(places.iter().all(|own| *own == places[0]), "{}", report.trial.order());
+    assert!(places.iter().all(|place| *place == places[0]), "{}", report.trial.order());
     let parts = report.parts.loop_gains.iter().zip(&report.parts.friction_model);
     for (whole, (of_loop, of_model)) in report.gains.iter().zip(parts) {
         let left = (1.0 - of_loop.gain) * (1.0 - of_model.gain);
