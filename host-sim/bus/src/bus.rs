@@ -72,58 +72,31 @@ pub struct Counters {
 
 /// Error of a bus; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum BusError {
     /// The bus cannot be opened.
     #[error("bus {name}: {source}")]
-    Open {
-        /// Requested name.
-        name: String,
-        /// Reason, and the remedy.
-        source: OpenError,
-    },
+    Open { name: String, source: OpenError },
     /// The other end is gone, or the interface is down.
     #[error("bus {name}: {why}")]
-    Closed {
-        /// Name of the bus.
-        name: String,
-        /// Reason.
-        why: String,
-    },
+    Closed { name: String, why: String },
     /// There was no room for a frame within the time limit.
     #[error(
         "bus {name}: no room to send for {waited_ms} ms; check that another node acknowledges frames"
     )]
-    Full {
-        /// Name of the bus.
-        name: String,
-        /// Waiting time, ms.
-        waited_ms: u64,
-    },
+    Full { name: String, waited_ms: u64 },
     /// This bus does not carry this kind of frame.
     #[error("bus {name}: {what} cannot be sent on it")]
-    Unsupported {
-        /// Name of the bus.
-        name: String,
-        /// Kind of frame.
-        what: &'static str,
-    },
+    Unsupported { name: String, what: &'static str },
     /// Participants on a loop answer each other without end, so time does not advance.
     #[error("bus loop: {events} events in one instant: participants answer each other without end")]
-    Storm {
-        /// Number of events.
-        events: u32,
-    },
+    Storm { events: u32 },
     /// The recording cannot be written.
     #[error("recording of the bus: {0}")]
     Record(#[source] io::Error),
     /// The operating system returned an error.
     #[error("bus {name}: {source}")]
-    Io {
-        /// Name of the bus.
-        name: String,
-        /// The error.
-        source: io::Error,
-    },
+    Io { name: String, source: io::Error },
 }
 
 /// A node's access to a CAN bus.

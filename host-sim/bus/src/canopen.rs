@@ -33,75 +33,37 @@ const MAX_OTHER_FRAMES: usize = 4096;
 
 /// Error of reading or writing an object; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum SdoError {
     /// Error of the bus.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// The node did not answer.
     #[error("node {node} does not answer; check the bus and the node number")]
-    Silent {
-        /// Number of the node.
-        node: u8,
-    },
+    Silent { node: u8 },
     /// The node refused the request.
     #[error("{object}: refused: {} (abort code {code:08X}){}", abort_words(*.code), reason(.why))]
-    Refused {
-        /// The object, by name and address.
-        object: String,
-        /// Abort code of CiA 301.
-        code: u32,
-        /// Reason given by the node; empty if none.
-        why: String,
-    },
+    Refused { object: String, code: u32, why: String },
     /// The object needs the service level, and the key of the node is another one.
     #[error(
         "{object}: needs the service level, and the key of node {node} is not the one that was given{}; use --key FILE or {KEY_VARIABLE}",
         reason(.why)
     )]
-    WrongKey {
-        /// The object, by name and address.
-        object: String,
-        /// Number of the node.
-        node: u8,
-        /// Reason given by the node; empty if none.
-        why: String,
-    },
+    WrongKey { object: String, node: u8, why: String },
     /// The object needs the service level, and the node accepts no response for a while after a wrong one.
     #[error(
         "{object}: needs the service level, and node {node} accepts no response now, because the last one was wrong; repeat in up to 60 s"
     )]
-    UnlockDelayed {
-        /// The object, by name and address.
-        object: String,
-        /// Number of the node.
-        node: u8,
-    },
+    UnlockDelayed { object: String, node: u8 },
     /// The answer does not follow the protocol.
     #[error("{object}: the answer of node {node} violates CiA 301")]
-    Protocol {
-        /// The object.
-        object: String,
-        /// Number of the node.
-        node: u8,
-    },
+    Protocol { object: String, node: u8 },
     /// The CRC of a block transfer is wrong.
     #[error("{object}: the value of node {node} was damaged on the bus (CRC); repeat the transfer")]
-    Crc {
-        /// The object.
-        object: String,
-        /// Number of the node.
-        node: u8,
-    },
+    Crc { object: String, node: u8 },
     /// The value has another length than its type.
     #[error("{object}: {found} bytes, expected {expected}")]
-    Length {
-        /// The object.
-        object: String,
-        /// Received bytes.
-        found: usize,
-        /// Expected bytes.
-        expected: usize,
-    },
+    Length { object: String, found: usize, expected: usize },
 }
 
 /// Returns a reason as object 2028h contains it in words; empty if it is none.

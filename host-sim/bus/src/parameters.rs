@@ -16,6 +16,7 @@ const ABORT_CODE_ARMED: u32 = 0x0800_0022;
 
 /// Error of reading or writing a set; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum ParametersError {
     /// The driver refuses or does not answer.
     #[error(transparent)]
@@ -30,18 +31,10 @@ pub enum ParametersError {
     #[error(
         "the driver has another version: {found} bytes of motor parameters and thresholds, expected {DRIVE_RECORD_BYTES}"
     )]
-    Version {
-        /// Their length, bytes.
-        found: usize,
-    },
+    Version { found: usize },
     /// The driver applied another set.
     #[error("the driver uses the set {active:08x}, expected {written:08x}")]
-    Other {
-        /// CRC of the active set.
-        active: u32,
-        /// CRC of the written set.
-        written: u32,
-    },
+    Other { active: u32, written: u32 },
 }
 
 /// Reads the active set. A staged set that was not committed is discarded.

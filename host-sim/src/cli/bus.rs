@@ -67,7 +67,7 @@ impl BusArguments {
     /// Returns one line with the cause and the remedy if the bus cannot be opened.
     pub fn open_with(&self, hub: &Hub, listen: bool) -> Result<Box<dyn Bus>, BusError> {
         let options = Options { bit_rate: self.bit_rate, listen, ..Options::default() };
-        self.bus.open_with(hub, options)
+        self.bus.open(hub, options)
     }
 
     /// Returns true for the bus in this process.

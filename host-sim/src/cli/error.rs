@@ -40,31 +40,22 @@ impl fmt::Display for CommandError {
 /// What the command line itself refuses.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
-    /// An argument has a value that is not accepted.
     #[error("{argument}: found {found}, expected {expected}")]
     Value { argument: String, found: String, expected: Cow<'static, str> },
-    /// An option, a file or a joint does not fit the command.
     #[error("{subject}: {reason}")]
     Unfit { subject: String, reason: Cow<'static, str> },
-    /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
     File { path: PathBuf, source: io::Error },
-    /// One of several joints, captures or files has an error.
     #[error("{part}: {reason}")]
     Part { part: String, reason: CommandError },
-    /// The build lacks a feature.
     #[error("{what}: not in this build, which lacks the {with_command}")]
     Feature { what: String, with_command: String },
-    /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Output(#[source] io::Error),
-    /// Signals cannot be caught.
     #[error("Ctrl-C: {0}")]
     Signals(#[from] ctrlc::Error),
-    /// The user declined.
     #[error("cancelled; nothing was changed")]
     Declined,
-    /// The user cannot be asked.
     #[error("{0} Standard input is not a terminal: use --yes to confirm")]
     NoTerminal(String),
 }

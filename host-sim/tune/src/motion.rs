@@ -26,36 +26,26 @@ pub struct MotionError {
 
 /// What is wrong with a motion.
 #[derive(Debug, PartialEq, thiserror::Error)]
-#[expect(missing_docs, reason = "the messages name the fields")]
+#[expect(missing_docs, reason = "the messages describe the variants")]
 pub enum MotionDefect {
-    /// It does not return.
     #[error("expected a motion that starts and ends at 0 rad")]
     Ends,
-    /// A position is NaN or infinite.
     #[error("expected finite positions")]
     NotFinite,
-    /// It leaves its range, rad.
     #[error("found {found:.3} rad from the start, expected at most {most} rad (--range)")]
     Range { found: f64, most: f64 },
-    /// It is too fast, rad/s.
     #[error("found {found:.3} rad/s, expected at most {most} rad/s (--speed)")]
     Speed { found: f64, most: f64 },
-    /// The file is empty.
     #[error("the file is empty")]
     Empty,
-    /// The file lacks a column.
     #[error("row 1: found {header:?}, expected a column {column}")]
     Column { header: String, column: &'static str },
-    /// A cell is no number.
     #[error("row {row}, column {column}: found {found:?}, expected a finite number")]
     Cell { row: usize, column: &'static str, found: String },
-    /// The times do not rise.
     #[error("row {row}, column time_s: found {found} after {last}, expected a later time")]
     Order { row: usize, found: f64, last: f64 },
-    /// The file has too few rows.
     #[error("found {0} rows, expected at least 2")]
     Rows(usize),
-    /// The motion takes too long, s.
     #[error("found {0} s, expected at most {MAX_MOTION_S} s")]
     Duration(f64),
 }

@@ -99,21 +99,17 @@ pub fn numbers(set: &ParameterSet) -> Vec<(String, f32)> {
 
 /// Error of a name or of its value; its message is one line.
 #[derive(Debug, thiserror::Error)]
-#[expect(missing_docs, reason = "the messages name the fields")]
+#[expect(missing_docs, reason = "the messages describe the variants")]
 pub enum NameError {
-    /// There is no such parameter, only the similar ones.
     #[error("{name}: no such parameter; {}", match similar.as_slice() {
         [] => "`params get` lists them".to_owned(),
         similar => format!("did you mean {}?", similar.join(" or ")),
     })]
     Unknown { name: String, similar: Vec<String> },
-    /// There is no such choice.
     #[error("{name}: no such choice, expected one of {}", Choices::NAMES.join(", "))]
     Choice { name: String },
-    /// The value is of another type.
     #[error("{name}: found {found:?}, expected {expected}")]
     Value { name: String, found: String, expected: &'static str },
-    /// The model is unknown.
     #[error(transparent)]
     Model(#[from] SpecError),
 }

@@ -69,19 +69,11 @@ impl fmt::Display for BusName {
 }
 
 impl BusName {
-    /// Opens the bus. `loop` opens a port of this hub.
+    /// Opens the bus; an adapter with these options. `loop` opens a port of this hub.
     ///
     /// # Errors
     /// Returns [`BusError::Open`] with the remedy.
-    pub fn open(&self, hub: &Hub) -> Result<Box<dyn Bus>, BusError> {
-        self.open_with(hub, slcan::Options::default())
-    }
-
-    /// Opens the bus as [`BusName::open`] does; an adapter with these options.
-    ///
-    /// # Errors
-    /// See [`BusName::open`].
-    pub fn open_with(&self, hub: &Hub, options: slcan::Options) -> Result<Box<dyn Bus>, BusError> {
+    pub fn open(&self, hub: &Hub, options: slcan::Options) -> Result<Box<dyn Bus>, BusError> {
         match self {
             Self::Loop => Ok(Box::new(hub.port())),
             Self::Slcan(address) => Ok(Box::new(slcan::Slcan::open(address, options)?)),

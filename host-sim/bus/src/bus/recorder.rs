@@ -2,7 +2,7 @@
 //!
 //! The lines are those of `candump -L -x`: a sent frame ends with `T`, a received one with `R`. A received frame is read
 //! some time after it was on the bus. So lines are held for a short time and written in the order of their time stamps.
-//! [`Recorder::finish`] writes the rest and reports errors.
+//! [`Recorder::flush`] writes the rest and reports errors.
 
 use super::{Bus, BusError, Counters, Received};
 use joint_trace::CanFrame;
@@ -60,7 +60,7 @@ impl<B, W: Write> Recorder<B, W> {
         self.out.write_all(&self.text).map_err(BusError::Record)
     }
 
-    /// Writes the held lines.
+    /// Writes the held lines. Dropping does the same, but cannot report errors.
     ///
     /// # Errors
     /// Returns [`BusError::Record`].
@@ -69,14 +69,6 @@ impl<B, W: Write> Recorder<B, W> {
             self.write_first()?;
         }
         self.out.flush().map_err(BusError::Record)
-    }
-
-    /// Writes the held lines and ends the recording. Dropping does the same, but cannot report errors.
-    ///
-    /// # Errors
-    /// Returns [`BusError::Record`].
-    pub fn finish(mut self) -> Result<(), BusError> {
-        self.flush()
     }
 
     /// Returns the inner bus.

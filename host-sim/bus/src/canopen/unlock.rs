@@ -24,15 +24,11 @@ pub const KEY_VARIABLE: &str = "FRICTION_JOINT_KEY";
 
 /// Error of the file of a joint's key; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum KeyFileError {
     /// It cannot be read.
     #[error("key {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The error.
-        source: io::Error,
-    },
+    Read { path: PathBuf, source: io::Error },
     /// It holds a key of another kind.
     #[error(
         "key {0}: a key that signs programs; expected the key of the joint, 32 hexadecimal digits"
@@ -42,12 +38,7 @@ pub enum KeyFileError {
     #[error(
         "key {path}: {found} bytes that are no key; expected 32 hexadecimal digits, as of `head -c 16 /dev/urandom | xxd -p`"
     )]
-    NoKey {
-        /// The file.
-        path: PathBuf,
-        /// Number of its bytes.
-        found: usize,
-    },
+    NoKey { path: PathBuf, found: usize },
 }
 
 /// Reads the key of a joint from a file.

@@ -11,14 +11,12 @@ const REOPEN_PERIOD: Duration = Duration::from_secs(2);
 
 /// Reason why a closed bus is not opened again.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages describe the variants")]
 pub enum ReopenError {
-    /// The simulation in this process has ended.
     #[error("the demo has ended; start monitor again")]
     DemoEnded,
-    /// Opening the record again would overwrite it.
     #[error("the bus was closed; the recording is kept; start monitor again")]
     RecordKept,
-    /// The bus cannot be opened.
     #[error(transparent)]
     Bus(#[from] BusError),
 }

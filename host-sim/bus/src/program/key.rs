@@ -13,15 +13,11 @@ const PUBLIC: &str = "ed25519-public ";
 
 /// Error of a key file; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum KeyError {
     /// It cannot be read or written.
     #[error("key {path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The error.
-        source: io::Error,
-    },
+    Io { path: PathBuf, source: io::Error },
     /// The file exists, and a key is never replaced.
     #[error("key {0}: exists already, and no key is replaced; choose another name")]
     Exists(PathBuf),

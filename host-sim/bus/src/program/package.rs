@@ -27,15 +27,11 @@ const ALIGNMENT: usize = 8;
 
 /// Error of a package or image; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum PackageError {
     /// It cannot be read.
     #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The error.
-        source: io::Error,
-    },
+    Io { path: PathBuf, source: io::Error },
     /// The file holds no packages.
     #[error("{0}: no packages; host-sim sign makes a file of them from images")]
     NoPackage(PathBuf),
@@ -47,30 +43,21 @@ pub enum PackageError {
     Damaged(PathBuf),
     /// The ELF file cannot be used.
     #[error("{path}: {source}")]
-    Elf {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: ImageError,
-    },
+    Elf { path: PathBuf, source: ImageError },
 }
 
 /// Reason why an ELF file is no image.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages describe the variants")]
 pub enum ImageError {
-    /// It is of another kind.
     #[error("no ELF file, as cargo builds an image")]
     NoElf,
-    /// Its headers are damaged.
     #[error(transparent)]
     Elf(#[from] object::read::Error),
-    /// It is not of this firmware.
     #[error("it does not state its board; expected an image of this firmware")]
     NoBoard,
-    /// It ends within a part.
     #[error("a part of it is missing")]
     PartMissing,
-    /// No part is loaded.
     #[error("no code")]
     NoCode,
 }

@@ -68,6 +68,7 @@ const CRC_REFUSAL: u32 = 2;
 
 /// Error of an update; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum UpdateError {
     /// An object cannot be read or written.
     #[error(transparent)]
@@ -80,48 +81,22 @@ pub enum UpdateError {
     NoUpdates(u8),
     /// The package is for another board.
     #[error("the package is for board {}, but node {node} is board {}", board_name(*.package), board_name(*.found))]
-    Board {
-        /// Board of the package.
-        package: u32,
-        /// Number of the node.
-        node: u8,
-        /// Board of the node.
-        found: u32,
-    },
+    Board { package: u32, node: u8, found: u32 },
     /// The board of the node is wired otherwise.
     #[error(
         "the package is for a board with wiring {package:08x}, but that of node {node} is {found:08x}; expected images that were built for it"
     )]
-    Wiring {
-        /// Wiring of the package.
-        package: u32,
-        /// Number of the node.
-        node: u8,
-        /// Wiring of the node.
-        found: u32,
-    },
+    Wiring { package: u32, node: u8, found: u32 },
     /// The package is older than the running program; the node would refuse it.
     #[error(
         "version {package} is older than {running} on node {node}; sign the older program with a new version"
     )]
-    Older {
-        /// Version of the package.
-        package: Version,
-        /// Number of the node.
-        node: u8,
-        /// Running version.
-        running: Version,
-    },
+    Older { package: Version, node: u8, running: Version },
     /// The release has no image for the slot that the node receives into.
     #[error(
         "the file has no image for address {address:#010x}, where node {node} receives one; host-sim sign takes the images of both slots"
     )]
-    Slot {
-        /// Number of the node.
-        node: u8,
-        /// Load address that the node accepts.
-        address: u32,
-    },
+    Slot { node: u8, address: u32 },
     /// The joint is armed.
     #[error("node {0} is armed; disarm it first (host-sim params disarm)")]
     Armed(u8),
@@ -130,35 +105,16 @@ pub enum UpdateError {
     OnTrial(u8),
     /// The node refused the package.
     #[error("node {node} refused the package: {why}")]
-    Refused {
-        /// Number of the node.
-        node: u8,
-        /// Reason.
-        why: &'static str,
-    },
+    Refused { node: u8, why: &'static str },
     /// The transfer did not advance.
     #[error("the transfer to node {node} does not advance at {received} of {length} bytes: {why}")]
-    Stuck {
-        /// Number of the node.
-        node: u8,
-        /// Bytes received.
-        received: u32,
-        /// Bytes of the package.
-        length: u32,
-        /// Last error.
-        why: String,
-    },
+    Stuck { node: u8, received: u32, length: u32, why: String },
     /// Another master changed the transfer again and again.
     #[error("the transfer to node {0} was changed by another master each time; stop it")]
     Disturbed(u8),
     /// The old program runs again.
     #[error("node {node} returned to its old program: {why}")]
-    Returned {
-        /// Number of the node.
-        node: u8,
-        /// Reason.
-        why: &'static str,
-    },
+    Returned { node: u8, why: &'static str },
     /// The node is not seen again.
     #[error("node {0} does not answer after the restart")]
     Lost(u8),

@@ -80,51 +80,24 @@ pub struct RecordedAnswer {
 
 /// Error of a log that cannot be replayed; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum PlanError {
     /// The file cannot be read.
     #[error("{file}: {source}")]
-    Read {
-        /// The file.
-        file: String,
-        /// The error.
-        source: std::io::Error,
-    },
+    Read { file: String, source: std::io::Error },
     /// Too many lines are malformed.
     #[error(
         "{file}: {bad} of {lines} lines are not frames of a CAN log, the first is line {first}: expected {expected}"
     )]
-    Bad {
-        /// The file.
-        file: String,
-        /// Number of malformed lines.
-        bad: u64,
-        /// Number of lines.
-        lines: u64,
-        /// First malformed line.
-        first: u64,
-        /// Expected text.
-        expected: &'static str,
-    },
+    Bad { file: String, bad: u64, lines: u64, first: u64, expected: &'static str },
     /// The lines have no time stamps.
     #[error("{file}: no time stamps, expected a log of candump -l can0, or of candump -L can0")]
-    Unstamped {
-        /// The file.
-        file: String,
-    },
+    Unstamped { file: String },
     /// The log has no inputs of a joint.
     #[error(
         "{file}: {samples} SYNCs (080 with a counter of one byte) and {motions} Motion frames (480 + node) of a joint, expected at least 2 and 1; found {census}"
     )]
-    Empty {
-        /// The file.
-        file: String,
-        /// Number of SYNCs.
-        samples: u64,
-        /// Number of motion frames.
-        motions: u64,
-        /// Frames of the log.
-        census: Census,
-    },
+    Empty { file: String, samples: u64, motions: u64, census: Census },
 }
 
 impl Plan {

@@ -33,6 +33,7 @@ pub struct ReplaySetup {
 
 /// Error of the set-up; its message is one line.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
 pub enum SetupError {
     /// The driver refuses or does not answer.
     #[error(transparent)]
@@ -45,10 +46,7 @@ pub enum SetupError {
     Build(ParameterError),
     /// The trace is too slow or too fast for a driver.
     #[error("{found_s} s between SYNCs, expected {} to {} s", PERIOD_RANGE_S.0, PERIOD_RANGE_S.1)]
-    Period {
-        /// Requested period, s.
-        found_s: f32,
-    },
+    Period { found_s: f32 },
 }
 
 /// Sets up, arms and starts the driver. Returns the core that its answers must match.

@@ -8,6 +8,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use joint_bus::bus::slcan::Options;
 use joint_bus::bus::{
     BitRates, Bus, BusError, BusName, FaultCounters, FaultInjector, FaultPlan, Faults, Hub,
     Participant, Recorder,
@@ -193,7 +194,8 @@ fn minute(seed: u64) -> (Vec<u8>, [FaultCounters; 2], Duration) {
         bus.send(&frame(0x201, &sample.to_le_bytes())).unwrap();
     }
     let (sent, received) = bus.bus().fault_counters();
-    bus.finish().unwrap();
+    bus.flush().unwrap();
+    drop(bus);
     (log, [sent, received], begin.elapsed())
 }
 
@@ -330,7 +332,8 @@ fn recorder_writes_all_frames() {
         expected.push((arrived.time_ns, arrived.frame, Direction::Received));
     }
     expected.sort_by_key(|(time_ns, ..)| *time_ns);
-    bus.finish().unwrap();
+    bus.flush().unwrap();
+    drop(bus);
     let read: Vec<_> = log
         .split(|byte| *byte == b'\n')
         .filter(|line| !line.is_empty())
@@ -367,7 +370,7 @@ fn recorder_with_failing_writer_returns_error() {
 #[test]
 fn open_by_name_returns_bus_or_remedy() {
     let hub = Hub::new();
-    let mut by_name = "loop".parse::<BusName>().unwrap().open(&hub).unwrap();
+    let mut by_name = "loop".parse::<BusName>().unwrap().open(&hub, Options::default()).unwrap();
     by_name.send(&frame(1, &[9])).unwrap();
     let mut other = hub.port();
     assert_eq!(other.receive(0).unwrap().map(|arrived| arrived.frame), Some(frame(1, &[9])));
@@ -382,7 +385,9 @@ fn open_by_name_returns_bus_or_remedy() {
         ("slcan:127.0.0.1:1", "refused"),
     ] {
         let bus: BusName = name.parse().unwrap();
-        let Err(error) = bus.open(&hub) else { panic!("{name} is no bus here") };
+        let Err(error) = bus.open(&hub, Options::default()) else {
+            panic!("{name} is no bus here")
+        };
         let text = error.to_string();
         assert!(matches!(error, BusError::Open { .. }), "{text}");
         assert!(text.starts_with(&format!("bus {name}: ")) && text.lines().count() == 1, "{text}");

@@ -174,7 +174,7 @@ fn recording_played_by_canplayer_is_unchanged() {
         record.receive(time_ns).expect("a loop");
         record.send(frame).expect("a loop");
     }
-    record.finish().expect("written");
+    record.flush().expect("written");
     let mut bus = SocketCan::open(&name).expect("open");
     run(&format!("timeout 20 canplayer -I {}", path.display()));
     let arrived: Vec<CanFrame> = std::iter::from_fn(|| bus.receive(0).expect("open"))
