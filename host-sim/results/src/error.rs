@@ -37,7 +37,7 @@ impl ResultError {
 
 /// Reports an error where a front end expects its line.
 macro_rules! as_line {
-    ($($error:ty),*) => { $(
+    ($error:ty) => {
         impl From<$error> for String {
             fn from(error: $error) -> Self {
                 error.to_string()
@@ -49,9 +49,9 @@ macro_rules! as_line {
                 Self::Request(error.to_string())
             }
         }
-    )* };
+    };
 }
 
-as_line!(ResultError, crate::export::ExportError);
-#[cfg(feature = "fleet")]
-as_line!(crate::fleet::FleetError, crate::level_trend::TrendError);
+pub(crate) use as_line;
+
+as_line!(ResultError);

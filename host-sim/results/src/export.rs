@@ -139,6 +139,8 @@ pub enum ExportError {
     },
 }
 
+crate::error::as_line!(ExportError);
+
 /// Returns how missing settings are given.
 fn example(missing: &[String]) -> String {
     let each: Vec<String> = missing.iter().map(|name| format!("{name}=VALUE")).collect();

@@ -31,6 +31,16 @@ use crate::table_file::{TableColumn, TableFile};
 use comparison::{Compared, Distance, comparisons};
 use serde::{Deserialize, Serialize};
 
+/// Ends of the names of log files.
+const LOG_ENDS: [&str; 15] = [
+    ".csv", ".tsv", ".txt", ".parquet", ".mcap", ".log", ".asc", ".trc", ".gz", ".zip", ".arrow",
+    ".feather", ".jsonl", ".ndjson", ".pq",
+];
+
+/// Columns of a table with the names of joints and campaigns.
+const JOINT: &str = "joint";
+const CAMPAIGN: &str = "campaign";
+
 /// Names of the levels of the fixed model, in the order of [`FleetRow::levels`].
 pub const LEVELS: [&str; 3] = ["coulomb_torque", "static_torque", "viscous_friction"];
 

@@ -192,6 +192,8 @@ pub struct TrendError {
     pub fault: TrendFault,
 }
 
+crate::error::as_line!(TrendError);
+
 /// What is wrong with the file of a trend.
 #[derive(Debug, thiserror::Error)]
 pub enum TrendFault {

@@ -1,7 +1,6 @@
 //! Why the logs and trends of a fleet cannot be found. Each message is one line.
 
-use super::jobs::LOG_ENDS;
-use super::table::{CAMPAIGN, JOINT};
+use super::{CAMPAIGN, JOINT, LOG_ENDS};
 use crate::ResultError;
 use crate::level_trend::TrendError;
 use joint_log::DataError;
@@ -41,3 +40,5 @@ pub enum FleetError {
     #[error(transparent)]
     Result(#[from] ResultError),
 }
+
+crate::error::as_line!(FleetError);

@@ -16,7 +16,7 @@
 //! Files of the same joint and campaign are one log of several runs. Each file is read with its own header: the columns of one
 //! file never stand for those of another.
 
-use super::FleetError;
+use super::{FleetError, LOG_ENDS};
 use crate::ResultError;
 use crate::level_trend::FILE_ENDS;
 use std::collections::BTreeMap;
@@ -34,12 +34,6 @@ pub struct FleetJob {
     /// Where the files come from if they are copies, in the same order, for results and messages; else empty.
     pub addresses: Vec<String>,
 }
-
-/// Ends of the names of log files.
-pub(super) const LOG_ENDS: [&str; 15] = [
-    ".csv", ".tsv", ".txt", ".parquet", ".mcap", ".log", ".asc", ".trc", ".gz", ".zip", ".arrow",
-    ".feather", ".jsonl", ".ndjson", ".pq",
-];
 
 /// Finds the logs below a folder. Hidden files, and files of other types, are ignored. `out`, the folder of the results, may
 /// lie below it.

@@ -4,7 +4,7 @@
 //! read, checked and hashed as one of a folder, and a table that grows by a campaign gives the former results anew without a
 //! computation. Lines of text are copied as they are.
 
-use super::{FleetError, FleetJob};
+use super::{CAMPAIGN, FleetError, FleetJob, JOINT};
 use crate::ResultError;
 use crate::table_file::{TableColumn, TableFile, TableFormat};
 use joint_log::{Cells, Table};
@@ -13,10 +13,6 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-/// The columns with the names.
-pub(super) const JOINT: &str = "joint";
-pub(super) const CAMPAIGN: &str = "campaign";
 
 /// Lines above the header of a text that are looked through.
 const MAX_LINES_ABOVE: usize = 100;

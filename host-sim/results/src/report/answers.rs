@@ -1,6 +1,5 @@
 //! The four answers on top of a page: what it is, how sure, what was gained, and what to do.
 
-use super::page::with_code;
 use maud::{Markup, html};
 
 /// What the work behind a page was good for.
@@ -48,6 +47,19 @@ impl Answers {
                     div { dt { (question) } dd { (with_code(answer)) } }
                 }
             }
+        }
+    }
+}
+
+/// Renders a text in which parts between backticks are code. A line may break between the words of a command, but not
+/// inside an option such as `--bus`.
+pub(super) fn with_code(text: &str) -> Markup {
+    html! {
+        @for (place, part) in text.split('`').enumerate() {
+            @if place % 2 == 0 { (part) }
+            @else { code { @for (word, text) in part.split(' ').enumerate() {
+                @if word > 0 { " " } span { (text) }
+            } } }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The first screen of a page as an HTML fragment without scripts and style sheets, for a cell of a notebook.
 
-use super::page::{Block, Page, with_code};
+use super::answers::with_code;
+use super::page::{Block, Page};
 use super::{Chart, Style, Tile};
 use joint_log::number::significant;
 use maud::{Markup, html};

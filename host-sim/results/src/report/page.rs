@@ -5,7 +5,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::answers::Answers;
+use super::answers::{Answers, with_code};
 use super::chart::Chart;
 use super::drawing::Drawing;
 use super::finder::Finder;
@@ -253,19 +253,6 @@ fn lead(facts: &[(String, String)], charts: &[Chart], drawing: &mut Drawing) -> 
             div.lead-main { @for chart in main { (chart.render(drawing, 2)) } }
             dl.lead-rest { (listed(rest)) }
             div.lead-below { @for chart in below { (chart.render(drawing, 2)) } }
-        }
-    }
-}
-
-/// Renders a text in which parts between backticks are code. A line may break between the words of a command, but not
-/// inside an option such as `--bus`.
-pub(super) fn with_code(text: &str) -> Markup {
-    html! {
-        @for (place, part) in text.split('`').enumerate() {
-            @if place % 2 == 0 { (part) }
-            @else { code { @for (word, text) in part.split(' ').enumerate() {
-                @if word > 0 { " " } span { (text) }
-            } } }
         }
     }
 }
