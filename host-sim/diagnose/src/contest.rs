@@ -14,6 +14,7 @@
 
 mod bank;
 mod cause;
+mod cause_key;
 mod correction;
 mod covariate;
 mod detail;
@@ -30,14 +31,15 @@ mod rows;
 mod run;
 mod search;
 mod solve;
+mod table;
 mod weights;
 
+pub use cause_key::CauseKey;
 pub use correction::Correction;
 pub use detail::{Detail, Gap, WaveKind};
 pub(crate) use draws::DRAWS;
 pub use finalists::{Finalist, FinalistCause};
 pub use law::LawStart;
-pub use ledger::CauseKey;
 pub use linear::LinearAnswer;
 pub(crate) use linear::plain;
 pub use outcome::{Figures, Outcome};

@@ -3,6 +3,7 @@
 //! The gain is relative to the RMS error of the base model. The noise floor is the RMS error of the
 //! best possible model, in Nm.
 
+use super::statistics::quantile;
 use friction_fit::{
     Predicted, Scales, Track, autocorrelation_time, noise_autocorrelation, run_count, white_noise,
 };
@@ -107,10 +108,7 @@ pub fn coloured_floor(tracks: &[Track], after: &Predicted) -> f64 {
 const COLOURED: f64 = 45.0;
 
 fn variance_by_median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
-    sizes.sort_by(f64::total_cmp);
-    let median = sizes.get(sizes.len() / 2).copied().unwrap_or_default();
-    (median / 0.6745).powi(2)
+    (quantile(values.map(f64::abs).collect(), 0.5) / 0.6745).powi(2)
 }
 
 /// Returns the squared errors of two models on the same blocks of rows, Nm^2.

@@ -11,6 +11,7 @@
 //! torque noise and `m`.
 
 use super::model::FittedModel;
+use super::statistics::quantile;
 use super::train_test::TrainTest;
 use compensator_core::Parameters;
 use friction_fit::{Resolution, Scales, Track, initial_state, simulate};
@@ -113,8 +114,6 @@ fn typical(tracks: &[Track], residuals: &[Vec<f64>]) -> f64 {
         let rows = residual.iter().enumerate().filter(|(row, _)| track.is_included(*row));
         rows.map(|(_, residual)| residual.abs())
     });
-    let mut sizes: Vec<f64> = judged.collect();
-    sizes.sort_by(f64::total_cmp);
-    let median = sizes.get(sizes.len() / 2).copied().unwrap_or_default() / MEDIAN;
+    let median = quantile(judged.collect(), 0.5) / MEDIAN;
     median.max(Scales::of(tracks).noise).max(f64::MIN_POSITIVE)
 }

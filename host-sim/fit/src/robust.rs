@@ -10,6 +10,7 @@
 use super::identify::identify;
 use super::initial_state::initial_state;
 use super::outcome::Outcome;
+use super::scales::quantile;
 use super::simulate::{Resolution, simulate};
 use super::solve::FitOptions;
 use super::track::{Rows, Track};
@@ -116,10 +117,8 @@ impl<'a> Weighting<'a> {
             let rows = errors.iter().enumerate().filter(|(row, _)| track.is_included(*row));
             rows.map(|(_, error)| error.abs()).collect()
         };
-        let mut sizes: Vec<f64> = train.iter().zip(&errors).flat_map(included).collect();
-        sizes.sort_by(f64::total_cmp);
-        weighting.deviation =
-            sizes.get(sizes.len() / 2).copied().unwrap_or_default() / NORMAL_MEDIAN;
+        let sizes: Vec<f64> = train.iter().zip(&errors).flat_map(included).collect();
+        weighting.deviation = quantile(sizes.clone(), 0.5).unwrap_or_default() / NORMAL_MEDIAN;
         weighting.reduced = sizes.iter().filter(|size| weighting.weight(**size) < 1.0).count();
         weighting
     }

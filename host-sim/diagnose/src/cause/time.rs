@@ -5,6 +5,7 @@ use crate::candidate::{Candidate, FitContext, InitialGuess, Regressor, row};
 use crate::evidence::{Plane, PlaneAxis, ResidualView, Spacing};
 use crate::extended::{Extended, Size};
 use crate::sensitivities::Exact;
+use crate::statistics::quantile;
 use compensator_core::{ParameterId as Id, TermKind};
 use friction_fit::Track;
 use joint_log::number::significant;
@@ -183,9 +184,7 @@ fn typical_run(tracks: &[Track]) -> Option<(f64, f64)> {
         let rows = ratios.map_or(track.len() as f64, |ratios| ratios.iter().sum());
         rows * track.period_s
     };
-    let mut lengths: Vec<f64> = tracks.iter().map(length).collect();
-    lengths.sort_by(f64::total_cmp);
-    let middle = *lengths.get(lengths.len() / 2)?;
+    let middle = quantile(tracks.iter().map(length).collect(), 0.5);
     let rows: usize = tracks.iter().map(Track::len).sum();
     let power = |track: &Track| -> f64 {
         let both = track.samples.iter().zip(&track.torque);

@@ -14,12 +14,11 @@ pub mod ripple;
 pub mod simulated;
 mod unknown;
 
+use super::cause_key::CauseKey;
 use super::detail::Detail;
 use super::law::Shapes;
-use super::ledger::CauseKey;
 use super::orders::RippleOrders;
 use super::rows::Rows;
-use crate::contest_calibration::category;
 use backlash::GapGrid;
 use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::work::checkpoint;
@@ -50,9 +49,10 @@ impl Variant {
 
     /// Returns true if it is a wave or a curve over the position.
     pub(crate) fn is_of_position(&self) -> bool {
-        let cause = category(self.key.cause, &self.key.follows());
-        ["unknown-position", "torque-ripple", "position-ripple", "gravity-imbalance"]
-            .contains(&cause)
+        let is_of_place = |name: &String| name.starts_with("position");
+        let is_curve = self.key.cause == "unknown" && self.key.columns.iter().any(is_of_place);
+        is_curve
+            || ["torque-ripple", "position-ripple", "gravity-imbalance"].contains(&self.key.cause)
     }
 
     /// Returns the RMS of the torque that these coefficients contribute on the judged rows.

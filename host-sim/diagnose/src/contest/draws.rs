@@ -4,7 +4,8 @@
 //! hypothesis of the least weighted error wins. The share of the draws in which it holds a cause is the cause's inclusion. The
 //! same table says which cause stands in for another: those that win where the other does not.
 
-use super::ledger::{CauseKey, Hypothesis};
+use super::cause_key::CauseKey;
+use super::ledger::Hypothesis;
 use super::rows::Rows;
 use joint_log::work::checkpoint;
 use rand::SeedableRng;

@@ -3,10 +3,11 @@
 use super::bank::{Bank, Workspace};
 use super::cause::backlash::GapGrid;
 use super::cause::{Context, Variant, variants};
+use super::cause_key::CauseKey;
 use super::correction::Correction;
 use super::kernel::KernelLaw;
 use super::law::{Law, Shapes, product};
-use super::ledger::{CauseKey, Hypothesis};
+use super::ledger::Hypothesis;
 use super::orders::RippleOrders;
 use super::rows::Rows;
 use super::search::Search;

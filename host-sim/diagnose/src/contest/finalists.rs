@@ -1,14 +1,15 @@
 //! Hypotheses of a contest that are to be fitted with the driver's law.
 
 use super::bank::Workspace;
+use super::cause_key::CauseKey;
 use super::correction::Correction;
 use super::detail::Detail;
 use super::draws::{DRAWS, Draws};
 use super::entry::{Entry, Origin};
 use super::law::LawStart;
-use super::ledger::{CauseKey, Hypothesis, Ledger};
-use super::outcome::{Table, jackknife};
+use super::ledger::{Hypothesis, Ledger};
 use super::rows::Rows;
+use super::table::{Table, jackknife};
 use compensator_core::ParameterId;
 use friction_fit::ChannelGain;
 

@@ -3,24 +3,9 @@
 //! A hypothesis is a correction of the log, a base law and a set of causes. All of them stay here with their held-out error, so
 //! that questions are answered without another fit: the best hypothesis, the best without a cause, a cause alone.
 
+use super::cause_key::CauseKey;
 use super::search::CauseSet;
 use std::collections::BTreeSet;
-
-/// Name of a cause with the columns that it follows: what a finding is about.
-#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct CauseKey {
-    /// The cause, as in a report.
-    pub cause: &'static str,
-    /// The columns that it follows.
-    pub columns: Vec<String>,
-}
-
-impl CauseKey {
-    /// Returns the columns in a report: those of `unknown` are multiplied.
-    pub fn follows(&self) -> String {
-        self.columns.join(if self.cause == "unknown" { " x " } else { ", " })
-    }
-}
 
 /// A hypothesis with its score.
 #[derive(Clone, Debug)]

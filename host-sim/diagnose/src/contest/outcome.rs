@@ -1,14 +1,15 @@
 //! The result of a contest: the best hypothesis, and for each cause the figures from which a probability follows.
 
 use super::bank::Workspace;
+use super::cause_key::CauseKey;
 use super::detail::Detail;
-use super::draws::{self, Draws};
+use super::draws;
 use super::entry::Entry;
 use super::finalists::{Finalist, finalists};
-use super::law::Shapes;
-use super::ledger::{CauseKey, Hypothesis, Ledger};
+use super::ledger::Hypothesis;
 use super::linear::LinearAnswer;
 use super::rows::Rows;
+use super::table::{Table, jackknife};
 use crate::evaluation::{self, Gain};
 use std::collections::BTreeSet;
 
@@ -105,14 +106,6 @@ pub struct Outcome {
     pub linear: Option<LinearAnswer>,
     /// Each entry's law and correction, with its error without a cause and its least error, as ratios to the base error.
     pub entries: Vec<(String, f64, f64)>,
-}
-
-/// What an outcome is made of.
-pub(crate) struct Table<'a> {
-    pub(crate) shapes: &'a Shapes,
-    pub(crate) entries: &'a [Entry],
-    pub(crate) ledger: &'a Ledger,
-    pub(crate) draws: &'a Draws,
 }
 
 impl Outcome {
@@ -326,33 +319,4 @@ impl Table<'_> {
             [entry.correction.describe(rows.step_s)].into_iter().chain(gains).collect();
         all.join(", ")
     }
-
-    /// Returns the unweighted held-out RMS error of a hypothesis.
-    pub(super) fn rmse(&self, rows: &Rows, hypothesis: &Hypothesis) -> f64 {
-        let entry = &self.entries[hypothesis.bank];
-        let columns = entry.columns(&hypothesis.set);
-        let indices = entry.indices(&hypothesis.set);
-        let fits = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
-        let mut squares = 0.0;
-        for (block, fold) in rows.blocks.iter().zip(&rows.fold_of_block) {
-            for row in &rows.judged[block.clone()] {
-                let model: f64 = columns
-                    .iter()
-                    .zip(&fits[*fold])
-                    .map(|(c, size)| rows.judged_value(c, *row) * size)
-                    .sum();
-                squares += (rows.judged_value(&rows.torque, *row) - model).powi(2);
-            }
-        }
-        (squares / rows.judged.len().max(1) as f64).sqrt()
-    }
-}
-
-/// Returns the standard error of a value from its values without one fold each.
-pub(super) fn jackknife(values: &[f64]) -> f64 {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count.max(1.0);
-    ((count - 1.0).max(0.0) / count.max(1.0)
-        * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>())
-    .sqrt()
 }

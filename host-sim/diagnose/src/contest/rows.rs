@@ -7,6 +7,7 @@
 //! each run can still be judged.
 
 use super::covariate::{Covariate, covariates};
+use crate::statistics::quantile;
 use compensator_core::TermKind;
 use friction_fit::linear::Motion;
 use friction_fit::{Track, white_noise};
@@ -267,15 +268,6 @@ fn range(values: &[f64]) -> f64 {
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = values.iter().fold(ends, |(low, high), q| (low.min(*q), high.max(*q)));
     (high - low).max(1e-12)
-}
-
-/// Returns a quantile of some values; 0 of none.
-pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 /// Returns the noise of the torque after an average of some rows, from its second differences.

@@ -5,7 +5,8 @@
 //! is, and its rows get the inverse as weight. Where the motion is uncertain, the driver's law turns its error into an error of
 //! the torque that no model avoids, and such rows count less as well. All hypotheses share these weights.
 
-use super::rows::{Rows, quantile};
+use super::rows::Rows;
+use crate::statistics::quantile;
 
 /// Number of rows around a row that decide its kind.
 const WINDOW: usize = 9;

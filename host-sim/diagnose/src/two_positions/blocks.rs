@@ -4,6 +4,7 @@
 //! offset of its own. Blocks are the unit of the comparison.
 
 use super::IncomparableReason;
+use crate::statistics::quantile;
 use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -403,11 +404,11 @@ fn largest_travel(stretches: &[Stretch], slope: f64) -> Option<f64> {
         q.iter().zip(&d).map(|(q, d)| d - slope * q).collect()
     };
     let mut all: Vec<f64> = stretches.iter().flat_map(rest).collect();
-    let mut quantile = |share: f64| {
+    let mut at = |share: f64| {
         let place = (share * (all.len() - 1) as f64) as usize;
         *all.select_nth_unstable_by(place, f64::total_cmp).1
     };
-    let largest = LARGEST_TRAVEL * (quantile(0.995) - quantile(0.005));
+    let largest = LARGEST_TRAVEL * (at(0.995) - at(0.005));
     (largest > 0.0).then_some(largest)
 }
 
@@ -423,14 +424,9 @@ fn averaged(stretches: &[Stretch]) -> usize {
 
 /// Returns the variance of the white noise in a column: of its second differences, whose median jumps do not change.
 fn noise_variance(values: &[f64]) -> f64 {
-    let mut second: Vec<f64> =
-        values.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
-    if second.is_empty() {
-        return 0.0;
-    }
-    let middle = second.len() / 2;
+    let second = values.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
     // The median of a normal variable's size is 0.6745 standard deviations.
-    let spread = *second.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745;
+    let spread = quantile(second, 0.5) / 0.6745;
     spread * spread / 6.0
 }
 

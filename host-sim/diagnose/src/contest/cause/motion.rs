@@ -2,7 +2,8 @@
 
 use super::{Columns, Context, form, of_level, plain};
 use crate::contest::detail::Detail;
-use crate::contest::rows::{Rows, quantile};
+use crate::contest::rows::Rows;
+use crate::statistics::quantile;
 use friction_fit::linear::{Factor, Regressor, heat, mean_growth};
 use joint_log::JointKind;
 

@@ -5,8 +5,8 @@
 //! one setting of a grid. A column of the second kind has a positive size in a model, near one where the setting is right.
 
 use super::{Variant, form};
+use crate::contest::cause_key::CauseKey;
 use crate::contest::detail::Detail;
-use crate::contest::ledger::CauseKey;
 use crate::contest::rows::Rows;
 use crate::sensitivities::{Exact, Sensitivities, exact};
 use compensator_core::{ParameterId as Id, TermKind};
