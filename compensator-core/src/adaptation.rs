@@ -53,9 +53,7 @@ use crate::quantity::Sample;
 use contact::ContactWatch;
 use evidence::Evidence;
 use information::InformationRoot;
-use unknowns::{
-    DIMENSIONS, GAINS_AT, OFFSET, PRIOR_DEVIATION, gains_of, prior_information, unknowns_of,
-};
+use unknowns::{DIMENSIONS, GAINS_AT, OFFSET, gains_of, unknowns_of};
 
 /// Change of a gain for its regressor.
 const STEP: f32 = 0.125;
@@ -73,6 +71,13 @@ const MAX_FORGOTTEN: f32 = 0.5;
 /// Time for which errors are alike, s: that of a stroke in a range of speed where the structure of the law is wrong. The
 /// windows of this time together count as one observation of the noise.
 const CORRELATED_S: f32 = 1.0;
+
+/// Standard deviation of the gains before anything is learnt, and of the gains in use around the tuned set.
+const PRIOR_DEVIATION: f32 = 0.3;
+
+/// Standard deviation of the constant torque before anything is learnt, as a share of the Coulomb level. It is larger than
+/// that of the gains: a payload is more likely than a new seal.
+const PRIOR_OFFSET_DEVIATION: f32 = 0.6;
 
 /// Largest error of one window in the estimate, in units of the present scatter.
 const MAX_ERROR: f32 = 3.0;
@@ -475,4 +480,11 @@ fn beyond(change: f32, [down, up]: [f32; 2]) -> f32 {
     let zone = if change < 0.0 { down } else { up };
     let rest = 2.0 * (Real::abs(change) - zone);
     change.within(rest.at_least(0.0))
+}
+
+/// Returns the information before anything is learnt, for this number of unknowns.
+fn prior_information(count: usize) -> InformationRoot {
+    let mut deviations = [PRIOR_DEVIATION; DIMENSIONS];
+    deviations[OFFSET] = PRIOR_OFFSET_DEVIATION;
+    InformationRoot::of_deviations(&deviations[..count])
 }

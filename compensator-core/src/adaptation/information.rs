@@ -14,7 +14,7 @@
 //! What a row does not excite keeps its information, and so its estimate, however long the joint repeats one motion. In
 //! root form: `w = R phi` is rotated to the first axis, and the first row is multiplied by the root of `mu`.
 
-use super::DIMENSIONS;
+use super::unknowns::DIMENSIONS;
 use crate::number::Real;
 use libm::sqrtf;
 

@@ -1,6 +1,6 @@
-//! Unknowns of the regression, and what is known of them before anything is learnt.
+//! Unknowns of the regression.
 
-use super::{Gains, InformationRoot, MAX_GAINS};
+use super::gains::{Gains, MAX_GAINS};
 
 /// Unknowns of the regression: the gains and a constant torque.
 pub const DIMENSIONS: usize = MAX_GAINS + 1;
@@ -10,13 +10,6 @@ pub const OFFSET: usize = 0;
 
 /// Position of the first gain among the unknowns: that of the level.
 pub const GAINS_AT: usize = 1;
-
-/// Standard deviation of the gains before anything is learnt, and of the gains in use around the tuned set.
-pub const PRIOR_DEVIATION: f32 = 0.3;
-
-/// Standard deviation of the constant torque before anything is learnt, as a share of the Coulomb level. It is larger than
-/// that of the gains: a payload is more likely than a new seal.
-const PRIOR_OFFSET_DEVIATION: f32 = 0.6;
 
 /// Returns the gains among the unknowns.
 #[inline(never)]
@@ -32,11 +25,4 @@ pub fn unknowns_of(gains: &Gains<f32>) -> [f32; DIMENSIONS] {
     let mut unknowns = [0.0; DIMENSIONS];
     unknowns[GAINS_AT..].copy_from_slice(&gains.to_array());
     unknowns
-}
-
-/// Returns the information before anything is learnt, for this number of unknowns.
-pub fn prior_information(count: usize) -> InformationRoot {
-    let mut deviations = [PRIOR_DEVIATION; DIMENSIONS];
-    deviations[OFFSET] = PRIOR_OFFSET_DEVIATION;
-    InformationRoot::of_deviations(&deviations[..count])
 }
