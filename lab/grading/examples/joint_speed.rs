@@ -3,7 +3,7 @@
 //! `cargo run --profile release -p friction-grading --example joint_speed`
 
 use firmware::parameter_set::ParameterSet;
-use joint_rig::{RigFaults, run_armed};
+use joint_rig::{RigError, RigFaults, run_armed};
 use rayon::prelude::*;
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::time::Instant;
@@ -11,7 +11,7 @@ use std::time::Instant;
 /// Virtual time of each joint, s.
 const SECONDS: usize = 20;
 
-fn main() -> Result<(), String> {
+fn main() -> Result<(), RigError> {
     let begin = Instant::now();
     let ends: Vec<f64> = (0..3u64)
         .into_par_iter()
@@ -22,7 +22,7 @@ fn main() -> Result<(), String> {
                 rig.plant().position_rad()
             })
         })
-        .collect::<Result<_, String>>()?;
+        .collect::<Result<_, RigError>>()?;
     let factor = SECONDS as f64 / begin.elapsed().as_secs_f64();
     println!(
         "three joints, {SECONDS} s each on {} threads: {factor:.0} times real time ({ends:.3?} rad)",
