@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Why the files of a command cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -30,7 +30,7 @@ impl ResultError {
 
     /// Returns how the error of a file is reported.
     #[cfg(feature = "fleet")]
-    pub(crate) fn of_file(file: &Path) -> impl Fn(io::Error) -> Self + '_ {
+    pub(crate) fn of_file(file: &std::path::Path) -> impl Fn(io::Error) -> Self + '_ {
         |error| Self::File(file.to_owned(), error)
     }
 }

@@ -57,9 +57,9 @@ fn answers(rows: &[FleetRow], joints: &[JointSummary]) -> Answers {
             counted(rows.len(), "log")
         ),
         certainty: format!(
-            "{} of {} have a result. A joint that differs or changes does so at a significance of {}\u{a0}% for the whole fleet.",
+            "Logs with a result: {} of {}. A joint that differs or changes does so at a significance of {}\u{a0}% for the whole fleet.",
             count(diagnosed.count() as u64),
-            counted(rows.len(), "log"),
+            count(rows.len() as u64),
             100.0 * FLEET_SIGNIFICANCE
         ),
         benefit: match gains.is_empty() {
