@@ -51,7 +51,7 @@ pub struct DiagnosisReport<'a> {
     /// The diagnosis.
     pub found: &'a Diagnosis,
     /// Its stochastic extension, for the page that is not short.
-    pub stochastic: Option<&'a StochasticExtension>,
+    pub stochastic: &'a StochasticExtension,
     /// All runs.
     pub data: &'a Dataset,
     /// Training and test parts.
@@ -186,7 +186,7 @@ fn page_of(scene: &Scene, is_short: bool) -> Page {
         if is_short { vec![Block::paragraph(words::SHORT)] } else { left_over(scene) },
         if is_short { Vec::new() } else { where_in_motion(scene) },
         parameters(scene),
-        stochastic(scene),
+        if is_short { Vec::new() } else { stochastic(scene) },
         shared::methods(&scene.view, words::methods(scene)),
         shared::data(&scene.view, words::sources(scene)),
     ];
@@ -314,7 +314,7 @@ fn parameters(scene: &Scene) -> Vec<Block> {
 
 #[cfg(feature = "stochastic")]
 fn stochastic(scene: &Scene) -> Vec<Block> {
-    let Some(made) = scene.about.stochastic else { return Vec::new() };
+    let made = scene.about.stochastic;
     let after = if scene.is_extended() { made.after.json() } else { Value::Null };
     stochastic_section(&made.before.json(), &after, Some(&made.reading))
 }

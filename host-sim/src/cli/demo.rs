@@ -121,7 +121,7 @@ pub fn run(arguments: &DemoArguments) -> Result<(), String> {
     });
     let about = DiagnosisReport {
         found: &found,
-        stochastic: Some(&stochastic),
+        stochastic: &stochastic,
         data: &data,
         split: &parts,
         hashes,
