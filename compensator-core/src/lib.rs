@@ -44,6 +44,8 @@ mod joint_kind;
 pub mod law;
 pub mod model;
 pub mod network;
+#[cfg(test)]
+extern crate self as compensator_core;
 pub mod number;
 pub mod parameter;
 pub mod parameters;

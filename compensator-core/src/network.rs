@@ -14,14 +14,10 @@ pub mod record;
 #[cfg(feature = "network")]
 mod lstm_network;
 #[cfg(feature = "network")]
-use lstm_network::record_fields;
-#[cfg(feature = "network")]
 pub use lstm_network::*;
 
 #[cfg(not(feature = "network"))]
 mod absent;
-#[cfg(not(feature = "network"))]
-use absent as record_fields;
 #[cfg(not(feature = "network"))]
 pub use absent::{FactorSupplier, JointNetwork, NetworkState};
 

@@ -9,12 +9,15 @@
 //! virtual time.
 //!
 //! Measurements of the core on its processor, which `tests/emulator` has, use [`reference_joint`] (its network is
-//! `compensator_core::network::reference`).
+//! `tests/reference_network.rs`).
 #![cfg_attr(not(test), no_std)]
 
 #[cfg(test)]
 #[path = "../../tests/message.rs"]
 mod message;
+#[cfg(test)]
+#[path = "../../tests/reference_network.rs"]
+mod reference_network;
 #[cfg(test)]
 #[path = "../../tests/snapshot.rs"]
 mod snapshot;

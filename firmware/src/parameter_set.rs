@@ -409,7 +409,7 @@ mod tests {
         copy.copy_from(&set);
         assert_eq!((copy.crc.get(), copy.set.crc()), (Some(changed), changed));
     }
-    use compensator_core::network::reference;
+    use crate::reference_network as reference;
 
     #[test]
     fn parse_of_set_of_the_version_before_keeps_its_values_and_adds_defaults() {

@@ -15,6 +15,9 @@ pub mod cli;
 pub mod demo_joint;
 #[cfg(feature = "cli")]
 mod moving_joint;
+#[cfg(all(test, feature = "network"))]
+#[path = "../../tests/reference_network.rs"]
+mod reference_network;
 #[cfg(all(test, feature = "cli"))]
 #[path = "../../tests/snapshot.rs"]
 mod snapshot;

@@ -7,7 +7,7 @@ use crate::model::Model;
 use friction_diagnose::DiagnosisOptions;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::spec::Spec;
-use friction_results::diagnosis;
+use friction_results::diagnosis::{self, DiagnosedLog};
 use friction_results::stochastic::StochasticExtension;
 use joint_log::SplitRule;
 use joint_log::work::report_stage;
@@ -24,9 +24,14 @@ pub struct Diagnosis {
     input: Prepared,
 }
 
-#[cfg(feature = "tune")]
 impl Diagnosis {
+    fn log(&self) -> DiagnosedLog<'_> {
+        let Self { found, stochastic, input } = self;
+        DiagnosedLog { found, stochastic, input }
+    }
+
     /// Creates the result of a diagnosis that a session has made.
+    #[cfg(feature = "tune")]
     pub fn of_session(learnt: Learnt) -> Self {
         let Learnt { input, found, stochastic } = learnt;
         Self { found, stochastic, input }
@@ -37,28 +42,24 @@ impl Diagnosis {
 impl Diagnosis {
     /// Returns the text of diagnosis.json.
     fn json(&self) -> PyResult<String> {
-        diagnosis::json_text(&self.found, &self.stochastic, &self.input).map_err(unserialised)
+        self.log().json_text().map_err(unserialised)
     }
 
     /// Returns the text of report.html.
     #[pyo3(signature = (threads=0))]
     fn html(&self, py: Python<'_>, threads: usize) -> PyResult<String> {
-        let page = || diagnosis::page_text(&self.found, &self.stochastic, &self.input);
-        compute(py, threads, None, || Ok(page()))
+        compute(py, threads, None, || Ok(self.log().page_text()))
     }
 
     /// Returns the first screen of the report as an HTML fragment without scripts.
     fn first_screen(&self, py: Python<'_>) -> PyResult<String> {
-        compute(py, 0, None, || Ok(diagnosis::first_screen(&self.found, &self.input)))
+        compute(py, 0, None, || Ok(self.log().first_screen()))
     }
 
     /// Writes all result files into a folder, each completely or not at all.
     #[pyo3(signature = (folder, threads=0))]
     fn write(&self, py: Python<'_>, folder: PathBuf, threads: usize) -> PyResult<()> {
-        let files = || {
-            let files = diagnosis::files(&self.found, &self.stochastic, &self.input);
-            files.map_err(|e| e.to_string().into())
-        };
+        let files = || self.log().files().map_err(|e| e.to_string().into());
         Ok(compute(py, threads, None, files)?.write(&folder)?)
     }
 

@@ -1,7 +1,6 @@
 //! Replaces `lstm_network` without the feature `network`: types without values, so that no code of a network remains.
 
 use super::Factors;
-use super::record::RecordError;
 use crate::number::Real;
 use crate::parameters::Parameters;
 use crate::quantity::Inputs;
@@ -29,16 +28,6 @@ impl JointNetwork {
     pub fn validate_with<T: Real>(_: &Parameters<T>) -> Result<(), ParameterError> {
         Ok(())
     }
-}
-
-/// Writes what follows the length of a record.
-pub(super) fn put_network(network: &JointNetwork, _: &mut impl FnMut(&[u8])) {
-    match *network {}
-}
-
-/// Refuses the record of a network.
-pub(super) fn read_network(_: &[u8], _: [u8; 3]) -> Result<Option<JointNetwork>, RecordError> {
-    Err(RecordError::Unsupported)
 }
 
 /// State of a network between evaluations.

@@ -16,8 +16,9 @@ mod input_range;
 mod joint;
 mod lstm;
 mod readout;
-pub(super) mod record_fields;
-pub mod reference;
+#[cfg(test)]
+#[path = "../../../tests/reference_network.rs"]
+pub(super) mod reference;
 mod stroke;
 
 pub use activation::{sigmoid, squash, squash_slope};

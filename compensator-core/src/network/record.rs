@@ -23,14 +23,31 @@
 //!
 //! A joint without a network has an empty record, because SDO cannot transfer an absent value.
 
-use super::record_fields::{put_network, read_network};
 use super::{CELLS, FACTOR_COUNT, JointNetwork, MAX_INPUTS};
 use crate::crc32::crc32;
 use crate::refusal;
 use crate::refusal::ParameterError;
 use crate::refusal::reason::Reason;
 use core::fmt;
+use fields::{put_network, read_network};
 use heapless::Vec;
+
+#[cfg(feature = "network")]
+#[path = "lstm_network/record_fields.rs"]
+mod fields;
+
+#[cfg(not(feature = "network"))]
+mod fields {
+    use super::{JointNetwork, RecordError};
+
+    pub fn put_network(network: &JointNetwork, _: &mut impl FnMut(&[u8])) {
+        match *network {}
+    }
+
+    pub fn read_network(_: &[u8], _: [u8; 3]) -> Result<Option<JointNetwork>, RecordError> {
+        Err(RecordError::Unsupported)
+    }
+}
 
 /// Version of the layout.
 pub const VERSION: u16 = 1;

@@ -1,4 +1,4 @@
-use super::super::reference;
+use super::super::lstm_network::reference;
 use super::*;
 use proptest::prelude::*;
 

@@ -7,6 +7,8 @@ mod compact;
 mod driver;
 #[path = "../../../tests/message.rs"]
 mod message;
+#[path = "../../../tests/reference_network.rs"]
+mod reference_network;
 mod refusals;
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;

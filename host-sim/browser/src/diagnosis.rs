@@ -3,7 +3,7 @@
 use friction_diagnose::diagnose;
 use friction_diagnose::prepare::{Error, PrepareOptions, Source, prepare};
 use friction_diagnose::summary::summary;
-use friction_results::diagnosis::{json_text, page_text, parameter_text};
+use friction_results::diagnosis::{DiagnosedLog, parameter_text};
 use friction_results::stochastic::StochasticExtension;
 use joint_log::setting::{Message, Reference, Setting};
 use joint_log::{FileContent, ReadOptions, SplitRule};
@@ -83,12 +83,12 @@ pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, Re
     let problems = problems.map(|found| format!("{}: {}", found.kind.name(), found.in_words));
     let log: Vec<String> = input.overview.iter().cloned().chain(problems).collect();
     let digest = json!({ "cause": found.cause(), "summary": summary(&found), "log": log });
+    let diagnosed = DiagnosedLog { found: &found, stochastic: &stochastic, input: &input };
     Ok(Answer {
         digest: digest.to_string(),
-        document: json_text(&found, &stochastic, &input)
-            .map_err(|error| Error::from(error.to_string()))?,
+        document: diagnosed.json_text().map_err(|error| Error::from(error.to_string()))?,
         parameters: parameter_text(&found, &input),
-        report: page_text(&found, &stochastic, &input),
+        report: diagnosed.page_text(),
     })
 }
 

@@ -4,7 +4,10 @@
 //! `network_steps DIR < inputs` evaluates the network in DIR on rows of inputs, numbers separated by blanks. Each
 //! output row has the factors, the share, and 1 if the inputs were outside the ranges, in `f32`.
 
-use compensator_core::network::{NetworkState, reference};
+#[path = "../../../tests/reference_network.rs"]
+mod reference;
+
+use compensator_core::network::NetworkState;
 use friction_fit::params;
 use friction_network::NetworkFile;
 use joint_log::JointKind;

@@ -8,8 +8,8 @@ use super::file::CELLS;
 use super::input::{NetworkInput, NetworkLaw};
 use compensator_core::Real;
 use compensator_core::network::{
-    CELL_LIMIT, FACTOR_COUNT, Factors, GATES, LstmActivations, LstmState, NetworkState,
-    NetworkTrace, sigmoid, squash, squash_slope,
+    CELL_LIMIT, FACTOR_COUNT, Factors, GATES, LstmState, NetworkState, NetworkTrace, sigmoid,
+    squash, squash_slope,
 };
 use friction_fit::Dual;
 use friction_fit::Track;
@@ -25,13 +25,11 @@ struct LawStep {
 
 /// Intermediate values of an evaluation of the network.
 struct Evaluation<const INPUTS: usize> {
-    scaled: [f64; INPUTS],
+    trace: NetworkTrace<f64, INPUTS, CELLS>,
     /// True for each input that was limited to its range.
     is_limited: [bool; INPUTS],
     before: LstmState<f64, CELLS>,
     after: LstmState<f64, CELLS>,
-    activations: LstmActivations<f64, CELLS>,
-    sums: [f64; FACTOR_COUNT],
     /// True if the static factor was raised to the Coulomb factor.
     is_raised: bool,
     /// True for each factor whose change was limited.
@@ -100,17 +98,15 @@ fn evaluate<const INPUTS: usize>(
 ) -> Evaluation<INPUTS> {
     let network = &supplied.network;
     let (before, from) = (state.hidden, state.factors.to_array());
-    let NetworkTrace { scaled, activations, sums, targets } =
-        network.evaluate_traced(state, inputs, true);
-    let [coulomb, static_level, _] = targets.to_array();
-    let far = |factor: usize| (targets.to_array()[factor] - from[factor]).abs() > network.slew;
+    let trace = network.evaluate_traced(state, inputs, true);
+    let targets = trace.targets.to_array();
+    let [coulomb, static_level, _] = targets;
+    let far = |factor: usize| (targets[factor] - from[factor]).abs() > network.slew;
     Evaluation {
-        scaled,
-        is_limited: scaled.map(|value| value.abs() >= 1.0),
+        is_limited: trace.scaled.map(|value| value.abs() >= 1.0),
         before,
         after: state.hidden,
-        activations,
-        sums,
+        trace,
         is_raised: static_level <= coulomb,
         is_slewed: std::array::from_fn(far),
     }
@@ -168,7 +164,7 @@ fn back_through_factors<const INPUTS: usize>(
     }
     std::array::from_fn(|factor| {
         let bounds = &supplied.network.bounds[factor];
-        by_targets[factor] * (bounds.most - bounds.least) * sigmoid_slope(at.sums[factor])
+        by_targets[factor] * (bounds.most - bounds.least) * sigmoid_slope(at.trace.sums[factor])
     })
 }
 
@@ -204,11 +200,11 @@ fn back_through_lstm<const INPUTS: usize>(
     let mut by_output_before = [0.0; CELLS];
     let mut cells = gradient.chunks_exact_mut(GATES * (1 + INPUTS + CELLS));
     for cell in 0..CELLS {
-        let [forget, input, output, candidate] = at.activations.sums[cell];
+        let [forget, input, output, candidate] = at.trace.activations.sums[cell];
         let (after, before) = (at.after.cell[cell], at.before.cell[cell]);
         let by = by_output[cell];
         let by_limited = by_cell[cell] + by * sigmoid(output) * squash_slope(after);
-        let inside = at.activations.cell[cell].abs() <= CELL_LIMIT;
+        let inside = at.trace.activations.cell[cell].abs() <= CELL_LIMIT;
         let by_state = if inside { by_limited } else { 0.0 };
         by_cell[cell] = by_state * sigmoid(forget);
         let by_gates = [
@@ -223,7 +219,7 @@ fn back_through_lstm<const INPUTS: usize>(
         for gate in 0..GATES {
             own[gate] += by_gates[gate];
             for index in 0..INPUTS {
-                own[GATES * (1 + index) + gate] += by_gates[gate] * at.scaled[index];
+                own[GATES * (1 + index) + gate] += by_gates[gate] * at.trace.scaled[index];
                 by_inputs[index] += by_gates[gate] * weights.input[index][gate];
             }
             for other in 0..CELLS {

@@ -69,9 +69,6 @@ pub enum NetworkError {
     /// The inputs are to be chosen by the log, which has none, or too many.
     #[error("--inputs: the log has {0} covariates, name 1 to {MAX_INPUTS} inputs")]
     Covariates(usize),
-    /// There is no input.
-    #[error("--inputs: found none, expected at least one")]
-    NoInputs,
     /// Too many inputs are named.
     #[error("--inputs: found {0}, expected at most {MAX_INPUTS}")]
     TooManyInputs(usize),

@@ -31,6 +31,9 @@ use serde_json::{Value, json};
 /// A network with up to [`MAX_INPUTS`] inputs; unused inputs have weights of 0.
 pub type WideNetwork = Network<f64, MAX_INPUTS, CELLS>;
 
+/// Name of the model.
+pub const MODEL: &str = "lugre-lstm";
+
 /// Name of the law whose parameters the factors multiply.
 pub const BASE: &str = "lugre-asymmetric";
 
@@ -292,8 +295,8 @@ fn set_weights(network: &mut WideNetwork, used: usize, weights: &[f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reference_network as reference;
     use crate::{message, snapshot};
-    use compensator_core::network::reference;
 
     fn file() -> NetworkFile {
         let network = reference::network::<f64>().widened();

@@ -11,7 +11,7 @@
 use crate::input::known_quantities;
 use crate::result_files::{TrainingResult, network_files};
 use crate::{
-    BASE, NetworkError, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork,
+    BASE, MODEL, NetworkError, NetworkFile, NetworkInput, NetworkLaw, TrainOptions, TrainedNetwork,
     TrainingProgress, law_substeps, predict, train,
 };
 use compensator_core::Quantity;
@@ -24,9 +24,6 @@ use joint_log::Dataset;
 use joint_log::number::significant;
 use joint_log::work;
 use serde_json::json;
-
-/// Name of the model.
-pub const MODEL: &str = "lugre-lstm";
 
 /// Options of an identification.
 #[derive(Clone, Debug)]
@@ -109,7 +106,7 @@ pub fn identify(options: &IdentifyOptions, data: &Prepared) -> Result<Identified
         [a, b] => train_network(&fit, [a, b], data, &task, &progress),
         [a, b, c] => train_network(&fit, [a, b, c], data, &task, &progress),
         [a, b, c, d] => train_network(&fit, [a, b, c, d], data, &task, &progress),
-        _ => Err(NetworkError::NoInputs),
+        _ => Err(NetworkError::InputCount(inputs.len())),
     }?;
     Ok(result(data, &fit, &training, &task.names)?)
 }

@@ -20,6 +20,9 @@
 #[path = "../../../tests/message.rs"]
 mod message;
 #[cfg(test)]
+#[path = "../../../tests/reference_network.rs"]
+mod reference_network;
+#[cfg(test)]
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
 
@@ -36,8 +39,8 @@ mod train;
 
 pub use error::NetworkError;
 pub use export::export;
-pub use file::{BASE, CELLS, NetworkFile, WideNetwork};
-pub use identify::{IdentifiedNetwork, IdentifyOptions, MODEL, identify};
+pub use file::{BASE, CELLS, MODEL, NetworkFile, WideNetwork};
+pub use identify::{IdentifiedNetwork, IdentifyOptions, identify};
 pub use input::{NetworkInput, NetworkLaw, law_substeps};
 pub use predict::{NetworkRun, predict};
 pub use prediction::predict_tracks;

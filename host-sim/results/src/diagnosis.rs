@@ -173,28 +173,33 @@ fn log_finding(finding: &LogFinding, found: &Diagnosis) -> Value {
     })
 }
 
-/// Returns `diagnosis.json`.
-///
-/// # Errors
-/// One line, if a value cannot be represented in JSON, or the core rejects the extended model.
-pub fn json_text(
-    found: &Diagnosis,
-    stochastic: &StochasticExtension,
-    input: &Prepared,
-) -> Result<String, ResultError> {
-    let predicted = PredictedLog::of_text(&parameter_text(found, input), &input.data)?;
-    document_text(found, stochastic, input, &predicted)
+/// A diagnosis with what its result files need.
+#[derive(Clone, Copy)]
+pub struct DiagnosedLog<'a> {
+    /// The diagnosis.
+    pub found: &'a Diagnosis,
+    /// Its stochastic extension.
+    pub stochastic: &'a StochasticExtension,
+    /// The log.
+    pub input: &'a Prepared,
 }
 
-fn document_text(
-    found: &Diagnosis,
-    stochastic: &StochasticExtension,
-    input: &Prepared,
-    predicted: &PredictedLog,
-) -> Result<String, ResultError> {
-    let mut document = document(found, stochastic, &input.data, &input.split, &input.hashes);
-    document["prediction"] = predicted.summary.clone();
-    pretty(&document)
+impl DiagnosedLog<'_> {
+    /// Returns `diagnosis.json`.
+    ///
+    /// # Errors
+    /// One line, if a value cannot be represented in JSON, or the core rejects the extended model.
+    pub fn json_text(&self) -> Result<String, ResultError> {
+        let toml = parameter_text(self.found, self.input);
+        self.document_text(&PredictedLog::of_text(&toml, &self.input.data)?)
+    }
+
+    fn document_text(&self, predicted: &PredictedLog) -> Result<String, ResultError> {
+        let Self { found, stochastic, input } = *self;
+        let mut document = document(found, stochastic, &input.data, &input.split, &input.hashes);
+        document["prediction"] = predicted.summary.clone();
+        pretty(&document)
+    }
 }
 
 /// Returns `params.toml`.
@@ -238,85 +243,68 @@ pub fn transferable_model(found: &Diagnosis) -> Outcome {
     outcome
 }
 
-/// Returns the page of a diagnosis, for another page that contains it.
 #[cfg(feature = "pages")]
-pub fn page(
-    found: &Diagnosis,
-    stochastic: &StochasticExtension,
-    input: &Prepared,
-) -> crate::report::Page {
-    diagnosis_page::page(&report(found, Some(stochastic), input))
-}
-
-/// Returns `report.html`.
-#[cfg(feature = "pages")]
-pub fn page_text(found: &Diagnosis, stochastic: &StochasticExtension, input: &Prepared) -> String {
-    page(found, stochastic, input).render()
-}
-
-/// Returns the first screen of `report.html` as an HTML fragment, for a notebook.
-#[cfg(feature = "pages")]
-pub fn first_screen(found: &Diagnosis, input: &Prepared) -> String {
-    diagnosis_page::first_screen(&report(found, None, input))
-}
-
-#[cfg(feature = "pages")]
-fn report<'a>(
-    found: &'a Diagnosis,
-    stochastic: Option<&'a StochasticExtension>,
-    input: &'a Prepared,
-) -> DiagnosisReport<'a> {
-    DiagnosisReport {
-        found,
-        stochastic,
-        data: &input.data,
-        split: &input.split,
-        hashes: &input.hashes,
-        columns: &input.columns,
-        skip: input.skip,
-        seed: input.seed,
+impl DiagnosedLog<'_> {
+    /// Returns the page of the diagnosis, for another page that contains it.
+    pub fn page(&self) -> crate::report::Page {
+        diagnosis_page::page(&self.report())
     }
-}
 
-/// Returns the result files of a diagnosis: `diagnosis.json`, `report.html`, `params.toml`, `rows.parquet`.
-///
-/// # Errors
-/// See [`json_text`].
-#[cfg(feature = "pages")]
-pub fn files(
-    found: &Diagnosis,
-    stochastic: &StochasticExtension,
-    input: &Prepared,
-) -> Result<Files, ResultError> {
-    let html = page_text(found, stochastic, input);
-    let toml = parameter_text(found, input);
-    let predicted = PredictedLog::of_text(&toml, &input.data)?;
-    let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
-    let document = ("diagnosis.json", document_text(found, stochastic, input, &predicted)?);
-    let mut files = Files { document, others };
-    predicted.add_rows(&input.data, &mut files)?;
-    Ok(files)
-}
+    /// Returns `report.html`.
+    pub fn page_text(&self) -> String {
+        self.page().render()
+    }
 
-/// Returns the result files of one of many diagnoses: `diagnosis.json`, a short `report.html` and `params.toml`. `predict` gives
-/// the rows from `params.toml` and the log.
-///
-/// # Errors
-/// See [`json_text`].
-#[cfg(feature = "pages")]
-pub fn short_files(
-    found: &Diagnosis,
-    stochastic: &StochasticExtension,
-    input: &Prepared,
-) -> Result<Files, ResultError> {
-    let html = diagnosis_page::short_page(&report(found, None, input)).render();
-    let toml = parameter_text(found, input);
-    let predicted = PredictedLog::of_text(&toml, &input.data)?.without_rows();
-    let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
-    Ok(Files {
-        document: ("diagnosis.json", document_text(found, stochastic, input, &predicted)?),
-        others,
-    })
+    /// Returns the first screen of `report.html` as an HTML fragment, for a notebook.
+    pub fn first_screen(&self) -> String {
+        diagnosis_page::first_screen(&self.report())
+    }
+
+    fn report(&self) -> DiagnosisReport<'_> {
+        let Self { found, stochastic, input } = *self;
+        DiagnosisReport {
+            found,
+            stochastic,
+            data: &input.data,
+            split: &input.split,
+            hashes: &input.hashes,
+            columns: &input.columns,
+            skip: input.skip,
+            seed: input.seed,
+        }
+    }
+
+    /// Returns the result files: `diagnosis.json`, `report.html`, `params.toml`, `rows.parquet`.
+    ///
+    /// # Errors
+    /// See [`DiagnosedLog::json_text`].
+    pub fn files(&self) -> Result<Files, ResultError> {
+        let (mut files, predicted) = self.files_with(self.page_text(), |predicted| predicted)?;
+        predicted.add_rows(&self.input.data, &mut files)?;
+        Ok(files)
+    }
+
+    /// Returns the result files of one of many diagnoses: `diagnosis.json`, a short `report.html` and `params.toml`. `predict`
+    /// gives the rows from `params.toml` and the log.
+    ///
+    /// # Errors
+    /// See [`DiagnosedLog::json_text`].
+    pub fn short_files(&self) -> Result<Files, ResultError> {
+        let html = diagnosis_page::short_page(&self.report()).render();
+        Ok(self.files_with(html, PredictedLog::without_rows)?.0)
+    }
+
+    fn files_with(
+        &self,
+        html: String,
+        shown: impl FnOnce(PredictedLog) -> PredictedLog,
+    ) -> Result<(Files, PredictedLog), ResultError> {
+        let toml = parameter_text(self.found, self.input);
+        let predicted = shown(PredictedLog::of_text(&toml, &self.input.data)?);
+        let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
+        let document = ("diagnosis.json", self.document_text(&predicted)?);
+        Ok((Files { document, others }, predicted))
+    }
 }
 
 /// Key of the stochastic extension, which is absent without its feature.

@@ -50,7 +50,7 @@ pub struct DiagnosisReport<'a> {
     /// The diagnosis.
     pub found: &'a Diagnosis,
     /// Its stochastic extension, for the page that is not short.
-    pub stochastic: Option<&'a StochasticExtension>,
+    pub stochastic: &'a StochasticExtension,
     /// All runs.
     pub data: &'a Dataset,
     /// Training and test parts.
@@ -191,7 +191,10 @@ fn page_of(scene: &Scene, is_short: bool) -> Page {
     } else {
         page.add(left_over(scene)).add(where_in_motion(scene));
     }
-    page.add(parameters(scene)).add(stochastic(scene));
+    page.add(parameters(scene));
+    if !is_short {
+        page.add(stochastic(scene));
+    }
     page.add(shared::methods(&scene.view, words::methods(scene)));
     page.add(shared::data(&scene.view, words::sources(scene)));
     for (name, meaning) in words::meanings(scene) {
@@ -301,7 +304,7 @@ fn parameters(scene: &Scene) -> Section {
 
 #[cfg(feature = "stochastic")]
 fn stochastic(scene: &Scene) -> Vec<Block> {
-    let Some(made) = scene.about.stochastic else { return Vec::new() };
+    let made = scene.about.stochastic;
     let after = if scene.is_extended() { made.after.json() } else { Value::Null };
     stochastic_section(&made.before.json(), &after, Some(&made.reading))
 }

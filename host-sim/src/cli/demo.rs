@@ -120,7 +120,7 @@ pub fn run(arguments: &DemoArguments) -> Result {
     });
     let about = DiagnosisReport {
         found: &found,
-        stochastic: Some(&stochastic),
+        stochastic: &stochastic,
         data: &data,
         split: &parts,
         hashes,

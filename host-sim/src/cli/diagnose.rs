@@ -13,7 +13,7 @@ use friction_diagnose::summary::summary;
 use friction_diagnose::{DiagnosisOptions, diagnose, hand_over};
 use friction_fit::params::ParameterFile;
 use friction_fit::spec::Spec;
-use friction_results::diagnosis;
+use friction_results::diagnosis::DiagnosedLog;
 use friction_results::loop_cost::late_loop_warning;
 use friction_results::stochastic::StochasticExtension;
 use joint_log::SplitRule;
@@ -77,7 +77,7 @@ fn diagnose_joint(
     let found = diagnose(&input.data, &input.split, &question, &work::report_stage)?;
     let stochastic = StochasticExtension::new(&found, input.seed, &work::report_stage);
     work::report_stage("writing the report");
-    let files = diagnosis::files(&found, &stochastic, input)?;
+    let files = DiagnosedLog { found: &found, stochastic: &stochastic, input }.files()?;
     let mut text = String::new();
     // The others were reported when the log was read.
     let is_new = |finding: &&LogFinding| !input.log_findings.contains(finding);

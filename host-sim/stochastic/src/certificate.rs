@@ -91,8 +91,6 @@ pub struct Certificate {
     /// Number of simulated trials, complete or in part. It varies slightly between runs, because threads stop early when the
     /// result is known; the results do not vary.
     pub simulations: usize,
-    /// Duration of the computation, s.
-    pub seconds: f64,
 }
 
 /// Returns true if a spread reaches the largest value of the search.
@@ -147,7 +145,6 @@ impl Certificate {
             counts,
             form: settings.form,
             simulations: 0,
-            seconds: 0.0,
         }
     }
 

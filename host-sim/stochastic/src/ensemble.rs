@@ -54,11 +54,13 @@ impl<'a> Ensemble<'a> {
             }
             let range = |row: usize| {
                 let at = trial.first + row;
-                let predicted = block.predicted.get(at).filter(|_| block.included[at])?;
                 let (low, high) = ranges.at(block.samples[at].velocity_rad_s);
-                Some((predicted + low, predicted + high))
+                let predicted = block.predicted[at];
+                block.included[at].then_some((predicted + low, predicted + high))
             };
-            let rows = (stride - 1..trials.rows).step_by(stride);
+            // A trial that starts near the end of its block is shorter.
+            let rows = trials.rows.min(block.samples.len() - trial.first);
+            let rows = (stride - 1..rows).step_by(stride);
             let ranges: Vec<_> = rows.map(range).collect();
             let watched = ranges.iter().flatten().count();
             MonitoredTrial { trial: *trial, period_s, ranges, watched }

@@ -53,9 +53,5 @@ pub fn certify(
     tracks: &[Track],
     settings: &Settings,
 ) -> Certificate {
-    let begin = friction_fit::clock::Instant::now();
-    let study = study::CertificateStudy::new(parameters, free, tracks, settings);
-    let mut certificate = study.certify();
-    certificate.seconds = begin.elapsed().as_secs_f64();
-    certificate
+    study::CertificateStudy::new(parameters, free, tracks, settings).certify()
 }

@@ -24,8 +24,7 @@ const MIN_BLOCK_ROWS: usize = 16;
 /// A block of rows, as the core's inputs in `f32`.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// Samples of the rows, followed by copies of the last one for the length of a trial: a trial that starts near the end
-    /// may extend beyond it.
+    /// Samples of the rows.
     pub samples: Vec<Sample<f32>>,
     /// Ratio of each row's period to the block's; `None` if the spacing is even.
     pub period_ratio: Option<Vec<f32>>,
@@ -187,32 +186,19 @@ impl Trials {
             .collect();
         let mut blocks = Vec::with_capacity(simulated.len());
         let mut trials = Vec::with_capacity(count);
-        for (index, ((mut block, states), starts)) in simulated.into_iter().zip(&starts).enumerate()
-        {
+        for (index, ((block, states), starts)) in simulated.into_iter().zip(&starts).enumerate() {
             let begins = starts.iter().zip(states);
             trials.extend(begins.map(|(first, state)| Trial {
                 block: index,
                 first: *first,
                 state,
             }));
-            pad(&mut block, rows);
             blocks.push(block);
         }
         for last in (1..trials.len()).rev() {
             trials.swap(last, random.random_range(0..=last));
         }
         Self { blocks, trials, rows }
-    }
-}
-
-/// Extends a block by `rows` copies of its last sample.
-fn pad(block: &mut Block, rows: usize) {
-    let length = block.samples.len() + rows;
-    if let Some(last) = block.samples.last().copied() {
-        block.samples.resize(length, last);
-    }
-    if let Some(ratios) = &mut block.period_ratio {
-        ratios.resize(length, 1.0);
     }
 }
 
@@ -313,7 +299,7 @@ mod tests {
         let short = track(20);
         let trials = Trials::new(&parameters(), &[&short], 5, 500, Resolution::PLAIN, 3);
         assert_eq!((trials.rows, trials.trials.len()), (20, 5));
-        assert_eq!(trials.blocks[0].samples.len(), 40);
+        assert_eq!(trials.blocks[0].samples.len(), 20);
         let none = Trials::new(&parameters(), &[], 5, 500, Resolution::PLAIN, 3);
         assert!(none.blocks.is_empty() && none.trials.is_empty());
     }

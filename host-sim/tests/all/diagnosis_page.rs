@@ -42,7 +42,7 @@ impl Case {
         let hashes = vec!["5e1f".to_owned(); self.data.files.len()];
         let about = DiagnosisReport {
             found: &self.found,
-            stochastic: Some(&self.stochastic),
+            stochastic: &self.stochastic,
             data: &self.data,
             split: &self.split,
             hashes: &hashes,

@@ -1,10 +1,12 @@
 //! The files of a session.
 
 use crate::driver_file;
+use crate::learn::Learnt;
 use crate::recording::{Recording, Row};
 use crate::session::Session;
+use friction_results::Files;
+use friction_results::diagnosis::DiagnosedLog;
 use friction_results::tune::TuneRun;
-use friction_results::{Files, diagnosis};
 use joint_log::JointKind;
 
 /// Returns the files of a session: `tune.html`, `tune.json`, `runs.parquet`, `diagnosis.json`, the set as the joint was in
@@ -19,9 +21,10 @@ pub fn files(session: &Session) -> Result<Files, String> {
     texts.push(("params.toml", emit(saved.unwrap_or(&session.before.set))));
     let mut page = None;
     if let Some(learnt) = &session.learnt {
-        let text = diagnosis::json_text(&learnt.found, &learnt.stochastic, &learnt.input)?;
-        texts.push(("diagnosis.json", text));
-        page = Some(diagnosis::page(&learnt.found, &learnt.stochastic, &learnt.input));
+        let Learnt { found, stochastic, input } = learnt;
+        let diagnosed = DiagnosedLog { found, stochastic, input };
+        texts.push(("diagnosis.json", diagnosed.json_text()?));
+        page = Some(diagnosed.page());
     }
     Ok(session.report.files(&runs(session), page, texts)?)
 }

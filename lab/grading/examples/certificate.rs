@@ -121,18 +121,20 @@ fn main() {
             for max_classes in [1, 3] {
                 let settings = Settings { levels, max_classes, ..Settings::default() };
                 let Counts { sampled_vectors, trials } = settings.counts();
+                let begin = Instant::now();
                 let certificate = certify(&parameters, free, &tracks, &settings);
                 println!(
                     "{name} | {levels_name} | {sampled_vectors} x {trials} | {} | {} | {:.3}",
                     certificate.classes.len(),
                     certificate.simulations,
-                    certificate.seconds
+                    begin.elapsed().as_secs_f64()
                 );
             }
         }
     }
     let long = long(&tracks);
     let rows: usize = long.iter().map(Track::len).sum();
-    let certificate = certify(&plain, free, &long, &settings);
-    println!("\nlugre, paper's levels, {rows} rows: {:.3} s", certificate.seconds);
+    let begin = Instant::now();
+    certify(&plain, free, &long, &settings);
+    println!("\nlugre, paper's levels, {rows} rows: {:.3} s", begin.elapsed().as_secs_f64());
 }

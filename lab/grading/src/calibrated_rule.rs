@@ -39,10 +39,8 @@ pub fn certify_calibrated(
     tracks: &[Track],
     settings: &Settings,
 ) -> (Certificate, Calibrated) {
-    let begin = friction_fit::clock::Instant::now();
     let study = CertificateStudy::new(parameters, free, tracks, settings);
-    let mut certificate = study.certify();
-    certificate.seconds = begin.elapsed().as_secs_f64();
+    let certificate = study.certify();
     let draws = settings.counts().trials;
     let quiet = study.certify_within(|trials| noise_range(noise(trials), draws));
     let calibrated = Calibrated::of(&certificate, quiet);

@@ -1,10 +1,10 @@
 //! The fields of a network in its record ([`crate::network::record`]).
 
-use super::{
+use super::{NUMBERS_AT, RecordError, WEIGHTS};
+use crate::network::{
     CELLS, FACTOR_COUNT, FactorBounds, InputRange, InputSource, JointNetwork, Lstm, MAX_INPUTS,
     Network, Readout, StrokeRange,
 };
-use crate::network::record::{NUMBERS_AT, RecordError, WEIGHTS};
 use heapless::Vec;
 
 /// Number of an unused input.

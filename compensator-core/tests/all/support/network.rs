@@ -1,7 +1,10 @@
 //! Factors of the reference network for fixed inputs, in any number type.
 
 use compensator_core::Real;
-use compensator_core::network::{NetworkState, reference};
+#[path = "../../../../tests/reference_network.rs"]
+mod reference;
+
+use compensator_core::network::NetworkState;
 
 /// Number of evaluations.
 const EVALUATIONS: usize = 10_000;

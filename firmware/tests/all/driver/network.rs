@@ -3,11 +3,12 @@
 
 use super::bench::{Bench, Flash, NODE};
 use super::{STATE_REFUSED, frame};
+use crate::reference_network as reference;
 use compensator_core::can::{Message, MotionFrame, SurroundingsFrame, SyncFrame};
 use compensator_core::compensator::Reading;
 use compensator_core::configuration::Configuration;
 use compensator_core::network::record as network_record;
-use compensator_core::network::{Network, NetworkState, StrokeTracker, reference};
+use compensator_core::network::{Network, NetworkState, StrokeTracker};
 use compensator_core::{Compensator, Fixed, Flags, Inputs, Real, record};
 use firmware::control::Covariates;
 use firmware::driver::{Boot, LoopReport};

@@ -1,9 +1,10 @@
 //! Tests of the client with a locked joint driver: it unlocks the joint when a write is refused.
 
 use super::message;
+use crate::reference_network as reference;
 use canopen_rs::Address;
 use compensator_core::can::NodeId;
-use compensator_core::network::{record, reference};
+use compensator_core::network::record;
 use firmware::access::Key;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::CommitObject;

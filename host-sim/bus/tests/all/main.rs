@@ -9,6 +9,8 @@ mod bus_socketcan;
 #[path = "../../../../tests/message.rs"]
 mod message;
 mod program_update;
+#[path = "../../../../tests/reference_network.rs"]
+mod reference_network;
 mod sdo_blocks;
 #[path = "../../../../tests/snapshot.rs"]
 mod snapshot;

@@ -1,8 +1,9 @@
 //! Tests of block transfers between the client and a joint driver, with and without faults of the bus.
 
+use crate::reference_network as reference;
 use canopen_rs::Address;
 use compensator_core::can::NodeId;
-use compensator_core::network::{record, reference};
+use compensator_core::network::record;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::CommitObject;
 use joint_bus::bus::{BitRates, Bus, FaultInjector, FaultPlan, Faults, Hub};

@@ -6,9 +6,10 @@
 
 use super::statistics::Limit;
 use super::{Ageing, FleetJob, FleetRow, LEVELS, Level, SIGNED};
+use crate::diagnosis::DiagnosedLog;
 use crate::stochastic::StochasticExtension;
 use crate::table_file::TableFormat;
-use crate::{ResultError, diagnosis, write_atomically};
+use crate::{ResultError, write_atomically};
 use compensator_core::{LawKind, ParameterId};
 use friction_diagnose::prepare::{Error, PrepareOptions, Prepared, Source, file_sha256, prepare};
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
@@ -174,7 +175,8 @@ fn one_joint(
     row.report = format!("{folder}/report.html");
     let stored = serde_json::to_vec_pretty(&StoredRow { key, row: row.clone() });
     let stochastic = StochasticExtension::new(&found, input.seed, &|_| work::checkpoint());
-    let mut files = diagnosis::short_files(&found, &stochastic, &input)?;
+    let diagnosed = DiagnosedLog { found: &found, stochastic: &stochastic, input: &input };
+    let mut files = diagnosed.short_files()?;
     files.others.push((ROW_FILE, stored.map_err(ResultError::from)?));
     let temporary = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(&options.out);
     let place = options.out.join(&folder);

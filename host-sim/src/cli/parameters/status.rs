@@ -191,7 +191,7 @@ mod tests {
     #[test]
     #[cfg(feature = "network")]
     fn network_status_is_present_only_for_a_driver_with_a_network() {
-        use compensator_core::network::reference;
+        use crate::reference_network as reference;
 
         let hub = Hub::new();
         hub.attach(JointNode::start(NodeId::FIRST, None).expect("a driver"));

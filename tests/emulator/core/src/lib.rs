@@ -4,12 +4,15 @@
 //! and what each step takes: [`Number`] names the functions whose calls the emulator counts.
 #![cfg_attr(target_os = "none", no_std)]
 
+#[path = "../../../reference_network.rs"]
+mod reference;
+
 use compensator_core::can::SampleAssembler;
 use compensator_core::configuration::Configuration;
 use compensator_core::model::{FrictionModel, ModelState, Sample};
-use compensator_core::network::reference::{self, CELLS, INPUTS};
-use compensator_core::network::{AugmentedLugre, Factors, Network, NetworkState};
+use compensator_core::network::{AugmentedLugre, CELLS, Factors, Network, NetworkState};
 use compensator_core::{Compensator, Fixed, Inputs, Real};
+use reference::INPUTS;
 
 /// Time from sample to sample, s.
 pub const PERIOD_S: f32 = 2e-3;

@@ -1,16 +1,18 @@
 //! The reference network of the cost, bit-identity and accuracy tests: three inputs, eight cells, random weights.
 //!
-//! The cost of a network does not depend on its weights, and its bits must agree for any weights. The tests, the
-//! cost image and the fingerprints of the driver use this network.
+//! The cost of a network does not depend on its weights, and its bits must agree for any weights. A test program includes this
+//! file with `#[path]`.
 
-use super::{AugmentedLugre, FactorBounds, InputRange, Lstm, Network, Readout};
-use crate::number::Real;
-use crate::parameters::{LawKind, ParameterId as Id, Parameters};
+#![allow(dead_code, reason = "each program uses a part")]
+
+use compensator_core::network::{
+    AugmentedLugre, CELLS, FactorBounds, InputRange, InputSource, JointNetwork, Lstm, Network,
+    Readout, StrokeRange,
+};
+use compensator_core::{LawKind, ParameterId as Id, Parameters, Quantity, Real};
 
 /// Number of inputs.
 pub const INPUTS: usize = 3;
-
-pub use crate::network::CELLS;
 
 /// Returns the reference network.
 pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
@@ -44,10 +46,7 @@ pub fn network<T: Real>() -> Network<T, INPUTS, CELLS> {
 ///
 /// Its inputs are the auxiliary covariate, the velocity and the torque held by the bristles. It is evaluated at
 /// 128 Hz and knows strokes from 0.01 rad to 1 rad.
-pub fn joint() -> super::JointNetwork {
-    use super::{InputSource, JointNetwork, StrokeRange};
-    use crate::quantity::Quantity;
-
+pub fn joint() -> JointNetwork {
     let feeds = [
         InputSource::Of(Quantity::Auxiliary),
         InputSource::Of(Quantity::Velocity),
