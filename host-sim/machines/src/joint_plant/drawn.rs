@@ -217,11 +217,11 @@ impl DrawnJoint {
             }
             Some("pressure_diff_pa") => {
                 self.sensors.has_seal_sensors = true;
-                self.surroundings.pressure_pa = hidden::pressure(sampler);
+                self.surroundings.pressure_pa = hidden::vary(sampler, hidden::PRESSURE_PA);
             }
             Some("temperature_c") => {
                 self.sensors.has_thermometer = true;
-                self.surroundings.water_c = hidden::water(sampler);
+                self.surroundings.water_c = hidden::vary(sampler, hidden::WATER_C);
             }
             _ => {}
         }
@@ -238,11 +238,9 @@ impl DrawnJoint {
         seal.set_stribeck_exponent(self.stribeck_exponent);
         let mut joint = Joint::default();
         self.hidden.iter().for_each(|effect| effect.apply_to(&mut joint));
-        if !self.hidden.is_empty() {
-            seal.hide(joint.clone());
-        }
         let mut plant = JointPlant::with_seal(&self.constants, Load::Free, seal, self.seed);
         if !self.hidden.is_empty() {
+            plant.seal.hide(joint.clone());
             plant.hidden = Some(joint);
         }
         plant.surround(self.surroundings);

@@ -333,19 +333,17 @@ impl Setting {
         let peaks = runs.iter().map(|run| run.motion.peak(seconds));
         let top_rad_s = peaks.fold(0.0, f64::max);
         let campaign_s = runs.last().map_or(0.0, |run| run.condition.start_s + seconds);
-        let (columns, sensors) = (Vec::new(), Sensors::default());
-        let plain_paths = OnceLock::new();
         Self {
             seal,
             rate_hz,
             seconds,
             runs,
-            columns,
-            sensors,
+            columns: Vec::new(),
+            sensors: Sensors::default(),
             campaign_s,
             top_rad_s,
             finer: 1.0,
-            plain_paths,
+            plain_paths: OnceLock::new(),
         }
     }
 

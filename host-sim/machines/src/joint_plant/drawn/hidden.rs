@@ -20,8 +20,8 @@ const USUAL_ACCELERATION_RAD_S2: f64 = 5.0;
 /// Ranges of the varying surroundings: side load, N, pressure difference, Pa, water temperature, deg C, each with the
 /// smallest swing of a course.
 const SIDE_LOAD_N: [f64; 3] = [5.0, 90.0, 40.0];
-const PRESSURE_PA: [f64; 3] = [1e4, 2.7e5, 1.2e5];
-const WATER_C: [f64; 3] = [4.0, 26.0, 10.0];
+pub(super) const PRESSURE_PA: [f64; 3] = [1e4, 2.7e5, 1.2e5];
+pub(super) const WATER_C: [f64; 3] = [4.0, 26.0, 10.0];
 
 /// Swing of the side load for an effect of its rate, N, and its frequency, Hz: waves at a leg.
 const WAVE_N: f64 = 15.0;
@@ -152,7 +152,7 @@ pub(super) fn viscous_nm_s_per_rad(friction_nm: f64) -> f64 {
 const VISCOUS_SHARE: f64 = 0.6;
 
 /// Draws a course within a range that swings by at least a given amount: a tide, a step, or both.
-fn vary(sampler: &mut Sampler, [least, most, swing]: [f64; 3]) -> Course {
+pub(super) fn vary(sampler: &mut Sampler, [least, most, swing]: [f64; 3]) -> Course {
     let full = sampler.between(swing, most - least);
     let base = sampler.between(least, most - full);
     let period_s = sampler.log_between(TIDE_S.0, TIDE_S.1);
@@ -190,14 +190,4 @@ pub(super) fn side_load(sampler: &mut Sampler, cause: HiddenCause) -> Course {
         return Course { base: 2.0 * WAVE_N, wave: [WAVE_N, hz], ..Course::default() };
     }
     vary(sampler, SIDE_LOAD_N)
-}
-
-/// Draws the pressure difference of an effect of it, Pa.
-pub(super) fn pressure(sampler: &mut Sampler) -> Course {
-    vary(sampler, PRESSURE_PA)
-}
-
-/// Draws the water temperature of an effect of it, deg C.
-pub(super) fn water(sampler: &mut Sampler) -> Course {
-    vary(sampler, WATER_C)
 }
