@@ -11,7 +11,7 @@
 //!
 //! What is reported was fitted by the core's own step, all parameters jointly, and evaluated on held-out rows. A stage takes
 //! values and returns a value; it does not change those before it. What may be blamed, and how a cause is reported, is in
-//! [`cause`]: a file for each cause, and one list.
+//! [`cause`]: one table.
 //!
 //! [`mod@prepare`] reads, checks and splits a log as every front end does.
 //!
@@ -140,7 +140,7 @@ pub struct DiagnosisOptions {
     pub seed: u64,
     /// What is wrong with the log itself ([`joint_log::log_check`]): handed through to the answer.
     pub log_findings: Vec<LogFinding>,
-    /// Late channels that are left as they are logged ([`late_channel`]).
+    /// Late channels that are left as they are logged (`late_channel`).
     pub as_logged: Vec<LogFindingKind>,
     /// Loss of the fits.
     pub loss: Loss,
@@ -222,7 +222,7 @@ impl Diagnosis {
     }
 
     /// Returns the model for a driver, the one of the driver's models that is handed over. If each run's position was shifted to
-    /// a phase of its own ([`unknown_zero`]), the phase on another log is unknown, and a ripple with a wrong phase is worse than
+    /// a phase of its own (`unknown_zero`), the phase on another log is unknown, and a ripple with a wrong phase is worse than
     /// none. Its amplitudes are then 0, and a verdict reports this.
     pub fn transferable_model(&self) -> Outcome {
         let mut outcome = match self.hand_over.in_driver {

@@ -12,7 +12,7 @@
 //! - `behind`: the torque is compared with one that follows the lag without a dead share, which is the play.
 //!
 //! Both are compared on blocks that the fit has not seen. The standard error is that over blocks, so residuals may be correlated
-//! within a block (`blocks`). A [`calibration`] of the figures on simulated joints gives the probability.
+//! within a block (`blocks`). A [`Calibration`] of the figures on simulated joints gives the probability.
 
 mod behind;
 mod blocks;
