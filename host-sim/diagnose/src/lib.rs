@@ -90,6 +90,7 @@ mod thresholds;
 mod train_test;
 pub mod two_positions;
 mod uncertain_motion;
+mod unexplained;
 mod unknown_zero;
 
 #[cfg(test)]
@@ -116,7 +117,6 @@ pub use train_test::TrainTest;
 
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
-use extended::Unexplained;
 use friction_fit::clock::Instant;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::{Loss, Outcome, Predicted, State, autocorrelation_time, predict};
@@ -124,6 +124,7 @@ use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{Dataset, Split};
 use stochastic_extension::Certificate;
 use two_positions::TwoPositions;
+use unexplained::Unexplained;
 
 /// Options of a diagnosis.
 #[derive(Clone, Debug, Default)]
@@ -302,10 +303,8 @@ pub fn diagnose(
     {
         let (after, log, seed) = (&after, &log, question.seed);
         let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
-        findings.extend(
-            cause::named("unknown")
-                .map(|cause| Finding::observed(cause, cause::unexplained(&rest))),
-        );
+        findings
+            .extend(cause::named("unknown").map(|cause| unexplained::unexplained(cause, &rest)));
     }
     let log_findings: Vec<LogFinding> =
         question.log_findings.iter().cloned().chain(answer.log_findings).collect();
