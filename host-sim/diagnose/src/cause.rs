@@ -17,8 +17,6 @@ mod time;
 mod unknown;
 mod without_term;
 
-pub(crate) use unknown::unexplained;
-
 use super::candidate::{Candidate, FitContext};
 use super::evidence::Evidence;
 use super::extended::{Extended, Size};

@@ -1,8 +1,8 @@
 //! A contest of hypotheses: whole models compete for what a joint's torque follows.
 //!
 //! A hypothesis is a correction of the log, a base law and a set of causes. All are linear in their coefficients, so their
-//! held-out errors follow from products of columns that are computed once ([`bank`]), and some ten thousand hypotheses are
-//! compared on the same rows, weights and folds ([`rows`]) in about a second. No stage decides before another one.
+//! held-out errors follow from products of columns that are computed once (`bank`), and some ten thousand hypotheses are
+//! compared on the same rows, weights and folds (`rows`) in about a second. No stage decides before another one.
 //!
 //! ```text
 //! Dataset -> Rows -> Shapes, Law       base laws as columns                        rows, covariate, law, weights

@@ -1,6 +1,6 @@
 //! Calibrated probability that a cause is real, from the figures of a contest.
 //!
-//! The log odds are a sum of [small trees](trees) over the figures. Each figure is signed so that more of it never speaks against a
+//! The log odds are a sum of small trees ([`Tree`]) over the figures. Each figure is signed so that more of it never speaks against a
 //! cause, and the trees keep that. They are boosted (Friedman 2001): each takes what those before it leave. A monotone step
 //! (isotonic regression, Zadrozny and Elkan 2002) then gives the observed frequency of cases that the trees were not fitted to.
 //!

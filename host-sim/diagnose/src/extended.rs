@@ -1,13 +1,12 @@
 //! What a cause is read from once it is found: the joint fit, or what is left.
 
-use super::evidence::Evidence;
 use super::train_test::FollowedColumn;
 use super::train_test::TrainTest;
 use ParameterId as Id;
 use compensator_core::ParameterId;
 use compensator_core::term::LookupFormula;
 use friction_fit::params::unit;
-use friction_fit::{Estimate, Outcome, Predicted};
+use friction_fit::{Estimate, Outcome};
 use joint_log::JointKind;
 use joint_log::number::figure;
 
@@ -129,40 +128,6 @@ impl Extended<'_> {
         let spread = (s * self.error(sine)).hypot(c * self.error(cosine)) / length;
         Size::new(length, spread, self.unit(sine))
     }
-}
-
-/// What is left when no cause passed, and is more than noise.
-#[derive(Clone, Copy, Debug)]
-pub struct Unexplained<'a> {
-    /// The model on the held-out rows.
-    pub after: &'a Predicted,
-    /// Error the torque's noise alone would make, Nm.
-    pub noise_floor: f64,
-    /// An error so many times the noise floor is structure.
-    pub times_floor: f64,
-    /// The log.
-    pub log: &'a TrainTest,
-    /// For what is drawn at random.
-    pub seed: u64,
-}
-
-/// What is seen of a cause that is found without a fit of its own.
-#[derive(Clone, Debug)]
-pub struct Observation {
-    /// Columns of the log it follows.
-    pub columns: Vec<String>,
-    /// How large it is.
-    pub size: Size,
-    /// Probability of seeing as much where nothing is hidden.
-    pub p_value: f64,
-    /// Share of resampled logs in which it is seen.
-    pub stability: f64,
-    /// Share of the squared residual it makes.
-    pub share_of_residual: f64,
-    /// One sentence.
-    pub in_words: String,
-    /// Where it shows.
-    pub evidence: Option<Evidence>,
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::cause::Cause;
 use super::evaluation::Gain;
 use super::evidence::Evidence;
-use super::extended::{Observation, Size};
+use super::extended::Size;
 use joint_log::JointKind;
 use joint_log::number::{significant, with_error};
 use std::f64::consts::TAU;
@@ -69,25 +69,6 @@ impl Finding {
             confusable_with: Vec::new(),
             in_words: String::new(),
             evidence: None,
-        }
-    }
-
-    /// Creates the finding of a cause that was observed without a fit.
-    pub fn observed(cause: &'static Cause, seen: Observation) -> Self {
-        Self {
-            cause,
-            columns: seen.columns,
-            size: seen.size,
-            order: None,
-            p_value: seen.p_value,
-            probability: 1.0 - seen.p_value.clamp(0.0, 1.0),
-            stability: seen.stability,
-            share_of_residual: seen.share_of_residual,
-            gain: Gain::default(),
-            is_in_model: false,
-            confusable_with: Vec::new(),
-            in_words: seen.in_words,
-            evidence: seen.evidence,
         }
     }
 

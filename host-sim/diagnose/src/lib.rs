@@ -11,7 +11,7 @@
 //!
 //! What is reported was fitted by the core's own step, all parameters jointly, and evaluated on held-out rows. A stage takes
 //! values and returns a value; it does not change those before it. What may be blamed, and how a cause is reported, is in
-//! [`cause`]: a file for each cause, and one list.
+//! [`cause`]: one table.
 //!
 //! [`mod@prepare`] reads, checks and splits a log as every front end does.
 //!
@@ -90,6 +90,7 @@ mod thresholds;
 mod train_test;
 pub mod two_positions;
 mod uncertain_motion;
+mod unexplained;
 mod unknown_zero;
 
 #[cfg(test)]
@@ -116,13 +117,13 @@ pub use train_test::TrainTest;
 
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
-use extended::Unexplained;
 use friction_fit::clock::Instant;
 use friction_fit::spec::{Spec, SpecError};
 use friction_fit::{Loss, Outcome, Predicted, autocorrelation_time, predict};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{Dataset, Split};
 use two_positions::TwoPositions;
+use unexplained::Unexplained;
 
 /// Options of a diagnosis.
 #[derive(Clone, Debug, Default)]
@@ -139,7 +140,7 @@ pub struct DiagnosisOptions {
     pub seed: u64,
     /// What is wrong with the log itself ([`joint_log::log_check`]): handed through to the answer.
     pub log_findings: Vec<LogFinding>,
-    /// Late channels that are left as they are logged ([`late_channel`]).
+    /// Late channels that are left as they are logged (`late_channel`).
     pub as_logged: Vec<LogFindingKind>,
     /// Loss of the fits.
     pub loss: Loss,
@@ -219,7 +220,7 @@ impl Diagnosis {
     }
 
     /// Returns the model for a driver, the one of the driver's models that is handed over. If each run's position was shifted to
-    /// a phase of its own ([`unknown_zero`]), the phase on another log is unknown, and a ripple with a wrong phase is worse than
+    /// a phase of its own (`unknown_zero`), the phase on another log is unknown, and a ripple with a wrong phase is worse than
     /// none. Its amplitudes are then 0, and a verdict reports this.
     pub fn transferable_model(&self) -> Outcome {
         let mut outcome = match self.hand_over.in_driver {
@@ -288,10 +289,8 @@ pub fn diagnose(
     {
         let (after, log, seed) = (&after, &log, question.seed);
         let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
-        findings.extend(
-            cause::named("unknown")
-                .map(|cause| Finding::observed(cause, cause::unexplained(&rest))),
-        );
+        findings
+            .extend(cause::named("unknown").map(|cause| unexplained::unexplained(cause, &rest)));
     }
     let log_findings: Vec<LogFinding> =
         question.log_findings.iter().cloned().chain(answer.log_findings).collect();

@@ -72,7 +72,7 @@ pub struct TrainTest {
     pub leaves_each_out: bool,
     /// Noise floor on the training rows: the error of the best possible model, Nm RMS.
     pub floor_nm: f64,
-    /// Order of the ripple to whose phase the runs were shifted, if any ([`super::unknown_zero`]).
+    /// Order of the ripple to whose phase the runs were shifted, if any (`unknown_zero`).
     pub aligned_order: Option<u32>,
 }
 

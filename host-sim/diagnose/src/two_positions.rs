@@ -12,7 +12,7 @@
 //! - `behind`: the torque is compared with one that follows the lag without a dead share, which is the play.
 //!
 //! Both are compared on blocks that the fit has not seen. The standard error is that over blocks, so residuals may be correlated
-//! within a block (`blocks`). A [`calibration`] of the figures on simulated joints gives the probability.
+//! within a block (`blocks`). A [`Calibration`] of the figures on simulated joints gives the probability.
 
 mod behind;
 mod blocks;
@@ -21,7 +21,7 @@ mod held_out;
 mod regression;
 
 use super::cause;
-use super::extended::{Observation, Size};
+use super::extended::Size;
 use super::finding::Finding;
 use super::naming::{MAY_BE_NONE, NAMED, WeighedCause};
 use super::rules::{self, Rejection};
@@ -238,8 +238,15 @@ impl TwoPositions {
     /// Adds the finding of play, or completes that of the torque, and keeps the order by probability.
     pub fn add_to(&self, findings: &mut Vec<Finding>) {
         let Some(backlash) = cause::named(BACKLASH).filter(|_| self.is_named()) else { return };
-        let mut finding = Finding::observed(backlash, self.observation());
-        finding.probability = self.probability;
+        let mut finding = Finding {
+            columns: vec![self.column.to_owned()],
+            size: self.play.clone(),
+            p_value: self.p_value,
+            probability: self.probability,
+            stability: self.stability,
+            in_words: self.in_words(),
+            ..Finding::of(backlash)
+        };
         if let Some(at) = findings.iter().position(|other| other.cause.name() == BACKLASH) {
             let of_torque = findings.remove(at);
             if of_torque.is_in_model {
@@ -253,18 +260,6 @@ impl TwoPositions {
         }
         let place = findings.partition_point(|other| other.probability >= finding.probability);
         findings.insert(place, finding);
-    }
-
-    fn observation(&self) -> Observation {
-        Observation {
-            columns: vec![self.column.to_owned()],
-            size: self.play.clone(),
-            p_value: self.p_value,
-            stability: self.stability,
-            share_of_residual: 0.0,
-            in_words: self.in_words(),
-            evidence: None,
-        }
     }
 }
 

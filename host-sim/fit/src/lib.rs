@@ -79,9 +79,12 @@ pub use torque_low_pass::{LowPassShape, TorqueLowPass};
 // A fit and its result.
 pub use identify::identify;
 pub use outcome::{DriverForm, Estimate, Outcome, State};
+pub use reason::Reason;
 pub use robust::{Loss, Weighting, identify_robustly};
 pub use scales::{Scales, white_noise};
-pub use solve::{COMPARISON_STAGNATION, COMPARISON_TOLERANCE, FitOptions, fit, free_parameters};
+pub use solve::{
+    COMPARISON_STAGNATION, COMPARISON_TOLERANCE, FitOptions, Solution, fit, free_parameters,
+};
 pub use treatment::{Treatment, treatment_of, typical_value};
 
 // A model along rows, with derivatives, and its errors.

@@ -119,18 +119,6 @@ pub struct Minimum {
     pub converged: bool,
 }
 
-/// Runs the optimiser from a point.
-pub fn minimise(
-    coordinates: &Coordinates,
-    from: &[f64],
-    rows: Rows,
-    resolution: Resolution,
-    stop: StopCriteria,
-) -> Minimum {
-    let reduced = reduce(coordinates, from, rows, resolution);
-    minimise_from(coordinates, from, reduced, rows, resolution, stop)
-}
-
 /// Runs the optimiser from a point where the reduced problem is known.
 pub fn minimise_from(
     coordinates: &Coordinates,

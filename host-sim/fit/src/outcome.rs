@@ -17,7 +17,7 @@ const MAX_DISAGREEMENT: f64 = 0.05;
 /// Whether the data determine a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// The error is small enough, and the value is possible, shown by the log and repeated ([`super::determined`]).
+    /// The error is small enough, and the value is possible, shown by the log and repeated (`determined`).
     Determined,
     /// Very different values fit equally well, or the value is not one of the joint: [`Estimate::reason`].
     NotDetermined,

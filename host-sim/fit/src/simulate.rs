@@ -45,7 +45,7 @@ impl Resolution {
 /// Simulates a model along a track and passes each row's torque, filtered by the torque's channel, and bristle torque to
 /// `sink`. Stops when `sink` returns `false`.
 ///
-/// `held` is the bristle torque at the start, or `None` if the track starts sliding ([`super::initial_state`]).
+/// `held` is the bristle torque at the start, or `None` if the track starts sliding (`initial_state`).
 /// Parameters are not validated, because a fit passes through illegal values.
 pub fn simulate<T: Real<Setting = T>>(
     parameters: &Parameters<T>,

@@ -9,7 +9,8 @@
 use super::coordinates::Coordinates;
 use super::initial_state::initial_state;
 use super::metrics::Metrics;
-use super::minimise::{Minimum, StopCriteria, minimise, minimise_from};
+use super::minimise::{Minimum, StopCriteria, minimise_from};
+use super::reduce::reduce;
 use super::scales::Scales;
 use super::simulate::{Resolution, simulate};
 use super::streaming_qr::Reduced;
@@ -163,8 +164,9 @@ pub fn candidates(
         .map(|(_, start)| {
             let coordinates = Coordinates::new(&start, free, scales);
             let from = coordinates.point(&start);
+            let at_start = reduce(&coordinates, &from, trial, resolution);
             let Minimum { point, reduced, .. } =
-                minimise(&coordinates, &from, trial, resolution, TRIAL);
+                minimise_from(&coordinates, &from, at_start, trial, resolution, TRIAL);
             TrialFit { coordinates, point, reduced }
         })
         .collect();

@@ -40,9 +40,9 @@ pub struct Track {
     pub velocity_draws: Vec<Vec<f64>>,
     /// Torque error caused by the uncertain motion in each row, Nm or N RMS. Empty if the motion is taken as exact.
     pub motion_error: Vec<f64>,
-    /// Filter that the torque passed before it was logged ([`super::channel`]).
+    /// Filter that the torque passed before it was logged (`channel`).
     pub torque_low_pass: TorqueLowPass,
-    /// Stretches of motion before the track, which warmed the joint ([`super::initial_heat`]).
+    /// Stretches of motion before the track, which warmed the joint (`initial_heat`).
     pub earlier_stretches: Arc<[EarlierStretch]>,
 }
 

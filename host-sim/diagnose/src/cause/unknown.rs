@@ -9,16 +9,13 @@
 use super::followed::Followed;
 use super::{Cause, Remedy, formula};
 use crate::candidate::{Candidate, FitContext, InitialGuess, Row, row};
-use crate::evaluation::resampled_errors;
 use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
-use crate::extended::{Extended, Observation, Size, Unexplained};
+use crate::extended::{Extended, Size};
 use crate::train_test::FollowedColumn;
 use crate::train_test::TrainTest;
 use compensator_core::term::{LOOKUP_KNOTS, LOOKUP_LEVELS, LOOKUP_TORQUES, LookupFormula};
 use compensator_core::{ParameterId as Id, Quantity, TermKind};
-use friction_fit::{Predicted, State};
-use joint_log::number::figure;
-use statrs::distribution::{ContinuousCDF, Normal};
+use friction_fit::State;
 
 /// Unknown cause; see the module documentation.
 pub(super) const UNKNOWN: Cause = Cause {
@@ -261,46 +258,4 @@ fn shape(extended: &Extended, level: bool) -> &'static str {
             _ => "up and down",
         }
     }
-}
-
-/// Returns the finding of structure that follows no column.
-///
-/// Its size is the error above the noise floor. The interval comes from resampled blocks of rows.
-pub(crate) fn unexplained(rest: &Unexplained) -> Observation {
-    let Unexplained { after, noise_floor, .. } = *rest;
-    let rmse = after.metrics.rmse;
-    let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
-    let drawn: Vec<f64> = resampled_errors(after, rest.seed).into_iter().map(beyond).collect();
-    let least = beyond(rest.times_floor * noise_floor);
-    let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
-    let unit = rest.log.train.joint.torque_unit();
-    let tail = drawn.len() / 40;
-    let interval = [drawn[tail], drawn[drawn.len() - 1 - tail]];
-    let size = Size::with_interval(beyond(rmse), interval, unit);
-    Observation {
-        columns: Vec::new(),
-        in_words: format!(
-            "an error remains, {} {unit} RMS above the noise of {} {unit}, which no cause explains",
-            figure(size.value),
-            figure(noise_floor)
-        ),
-        size,
-        p_value: like_noise(after),
-        stability,
-        share_of_residual: (1.0 - (noise_floor / rmse).powi(2)).clamp(0.0, 1.0),
-        evidence: None,
-    }
-}
-
-/// Returns the probability that white noise has the residual's autocorrelation between neighbouring
-/// rows.
-fn like_noise(after: &Predicted) -> f64 {
-    let (mut products, mut squares, mut rows) = (0.0, 0.0, 0.0);
-    for track in &after.residuals {
-        products += track.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
-        squares += track.iter().map(|r| r * r).sum::<f64>();
-        rows += track.len() as f64;
-    }
-    let surprise = products / f64::max(squares, f64::MIN_POSITIVE) * f64::sqrt(rows);
-    Normal::standard().sf(surprise)
 }

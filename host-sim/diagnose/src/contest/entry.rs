@@ -242,7 +242,7 @@ impl Entry {
 
     pub(crate) fn search(&self, bank: usize) -> Vec<Hypothesis> {
         let mut search = Search::new(&self.bank, self.base.columns.len(), &self.variants);
-        search.run(&[]);
+        search.run();
         let scores = std::mem::take(&mut search.scores);
         let hypothesis = |(set, error): (Vec<u16>, f64)| {
             let mut causes: BTreeSet<CauseKey> = set

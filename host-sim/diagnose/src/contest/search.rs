@@ -65,8 +65,8 @@ impl<'a> Search<'a> {
         set.iter().map(|variant| self.variants[*variant as usize].price).sum()
     }
 
-    /// Runs the search. `start` is a set to improve as well, such as the best of another bank.
-    pub fn run(&mut self, start: &[u16]) {
+    /// Runs the search.
+    pub fn run(&mut self) {
         let mut beam: Vec<CauseSet> = vec![Vec::new()];
         let mut best = self.cost(&[]);
         for _ in 0..MOST_CAUSES {
@@ -79,9 +79,6 @@ impl<'a> Search<'a> {
             beam = longer.into_iter().take(BEAM).map(|(_, set)| set).collect();
         }
         self.improve(beam[0].clone());
-        if !start.is_empty() {
-            self.improve(start.to_vec());
-        }
     }
 
     /// Returns the sets of the beam with one more variant, by cost.
@@ -214,7 +211,7 @@ mod tests {
                 .to_vec();
         let bank = Bank::new(&rows, &columns);
         let mut search = Search::new(&bank, 2, &variants);
-        search.run(&[]);
+        search.run();
         let best = search.scores.iter().min_by(|a, b| {
             let cost = |of: &(&CauseSet, &f64)| *of.1 * search.price(of.0).exp();
             cost(a).total_cmp(&cost(b))
