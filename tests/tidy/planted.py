@@ -12,6 +12,7 @@ import tomllib
 import traceback
 
 import circles
+import edges
 import lines
 import method_circles
 import rust
@@ -183,7 +184,17 @@ def budgets_raised_by_a_commit_need_a_reason(root):
     assert not list(lines.raise_violations(*lines.last_change(root)))
 
 
+def edges_in_code_are_found_and_words_of_comments_are_not(root):
+    source = "// its own Result<f64, String>\nfn median(own: f64) -> Result<\n    f64,\n    String,\n> {\n    todo(\"own\")\n}\n"
+    plant(root, {"src/a.rs": source})
+    assert edges.places(edges.UNNAMED, root) == ["src/a.rs:2"]
+    # A trailing comma is as rustfmt breaks a long type.
+    assert edges.places(edges.TEXT_ERROR, root) == ["src/a.rs:2"]
+    assert any("src/a.rs:2: a second" in line for line in edges.violations(root))
+
+
 TESTS = [
+    edges_in_code_are_found_and_words_of_comments_are_not,
     circles_with_two_files_finds_both,
     circles_with_reexport_of_another_crate_at_the_root_finds_the_children,
     circles_with_parent_in_the_component_finds_the_siblings,
