@@ -215,11 +215,11 @@ fn back_through_lstm<const INPUTS: usize>(
         ];
         let weights = &supplied.network.lstm.cells[cell];
         let Some(gradient) = cells.next() else { continue };
-        let (own, others) = gradient.split_at_mut(GATES * (1 + INPUTS));
+        let (of_inputs, others) = gradient.split_at_mut(GATES * (1 + INPUTS));
         for gate in 0..GATES {
-            own[gate] += by_gates[gate];
+            of_inputs[gate] += by_gates[gate];
             for index in 0..INPUTS {
-                own[GATES * (1 + index) + gate] += by_gates[gate] * at.trace.scaled[index];
+                of_inputs[GATES * (1 + index) + gate] += by_gates[gate] * at.trace.scaled[index];
                 by_inputs[index] += by_gates[gate] * weights.input[index][gate];
             }
             for other in 0..CELLS {

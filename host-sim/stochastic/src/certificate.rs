@@ -150,7 +150,7 @@ impl Certificate {
 
     /// Returns a parameter's mean coefficient of variation over the classes; `None` if it is not certified.
     pub fn mean_cv(&self, id: ParameterId) -> Option<f64> {
-        let index = self.parameters.iter().position(|own| *own == id)?;
+        let index = self.parameters.iter().position(|certified| *certified == id)?;
         self.cv.get(index).map(|row| mean(row))
     }
 
@@ -202,7 +202,7 @@ fn verdict(
     cv: &[Vec<f64>],
     left_out: &[ExcludedParameter],
 ) -> ParameterId {
-    let rank = |id: &ParameterId| ORDER.iter().position(|own| own == id).unwrap_or(ORDER.len());
+    let rank = |id: &ParameterId| ORDER.iter().position(|known| known == id).unwrap_or(ORDER.len());
     let ranked = certified.iter().zip(cv).map(|(id, row)| (mean(row), *id));
     let largest = ranked.max_by(|a, b| {
         // Coefficients that differ only by rounding are equal.

@@ -32,9 +32,9 @@ pub struct SpeedClass {
 
 /// Returns the median speed of a run in motion, rad/s, from its tracks.
 fn typical_speed(tracks: &[Track], of_run: &[usize]) -> f64 {
-    let own = || of_run.iter().filter_map(|index| tracks.get(*index));
-    let stride = (own().map(Track::len).sum::<usize>() / MAX_SPEED_SAMPLES).max(1);
-    let mut speeds: Vec<f64> = own()
+    let run_tracks = || of_run.iter().filter_map(|index| tracks.get(*index));
+    let stride = (run_tracks().map(Track::len).sum::<usize>() / MAX_SPEED_SAMPLES).max(1);
+    let mut speeds: Vec<f64> = run_tracks()
         .flat_map(|track| track.samples.iter().step_by(stride))
         .map(|sample| sample.velocity_rad_s.abs())
         .collect();
@@ -78,10 +78,10 @@ pub fn speed_classes(tracks: &[Track], joint: JointKind, most: usize) -> Vec<Spe
         .map(|(begin, end)| {
             let members = &speeds[begin..end];
             let speed = members[members.len() / 2].0;
-            let mut own: Vec<usize> =
+            let mut indices: Vec<usize> =
                 members.iter().flat_map(|(_, of_run)| of_run).copied().collect();
-            own.sort_unstable();
-            SpeedClass { name: name(speed, joint), speed, tracks: own }
+            indices.sort_unstable();
+            SpeedClass { name: name(speed, joint), speed, tracks: indices }
         })
         .collect()
 }

@@ -48,8 +48,8 @@ impl Ranges {
             if end <= begin {
                 continue;
             }
-            let own = rows[begin..end].iter().map(|(_, residual)| *residual);
-            ranges.push(range_of(own.collect(), draws));
+            let residuals = rows[begin..end].iter().map(|(_, residual)| *residual);
+            ranges.push(range_of(residuals.collect(), draws));
             ends.push(end_velocity);
             begin = end;
         }

@@ -48,11 +48,11 @@ impl<'a> CertificateStudy<'a> {
         let classes = speed_classes(tracks, settings.joint, settings.max_classes)
             .into_iter()
             .filter_map(|class| {
-                let own: Vec<&Track> =
+                let class_tracks: Vec<&Track> =
                     class.tracks.iter().filter_map(|index| tracks.get(*index)).collect();
                 let trials = Trials::new(
                     &parameters,
-                    &own,
+                    &class_tracks,
                     counts.trials,
                     settings.samples_per_run,
                     settings.resolution,
@@ -108,9 +108,9 @@ impl<'a> CertificateStudy<'a> {
         let classes = (0..ensembles.len())
             .map(|class| {
                 let search = search(class);
-                let own = &limits[2 * class * count..2 * (class + 1) * count];
+                let sides = &limits[2 * class * count..2 * (class + 1) * count];
                 let spreads: Vec<f64> =
-                    own.chunks_exact(2).map(|pair| search.spread(pair[0], pair[1])).collect();
+                    sides.chunks_exact(2).map(|pair| search.spread(pair[0], pair[1])).collect();
                 let share = search.share(&spreads);
                 Class {
                     name: self.classes[class].0.name.clone(),

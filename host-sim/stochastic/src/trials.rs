@@ -224,15 +224,15 @@ fn draw_starts(
         let length = of_block.len();
         let begin = end;
         end += length as f64;
-        let mut own = Vec::new();
+        let mut in_block = Vec::new();
         let is_last = index + 1 == blocks.len();
         while let Some(share) = shares.pop_if(|share| *share < end || is_last) {
             let part = (share - begin) / length as f64;
             let room = length.saturating_sub(rows);
-            own.push(((part * (room + 1) as f64) as usize).min(room));
+            in_block.push(((part * (room + 1) as f64) as usize).min(room));
         }
-        own.sort_unstable();
-        starts.push(own);
+        in_block.sort_unstable();
+        starts.push(in_block);
     }
     starts
 }
