@@ -3,10 +3,10 @@
 //! The gain is relative to the RMS error of the base model. The noise floor is the RMS error of the
 //! best possible model, in Nm.
 
-use super::statistics::quantile;
 use friction_fit::{
     Predicted, Scales, Track, autocorrelation_time, noise_autocorrelation, run_count, white_noise,
 };
+use joint_log::statistics::quantile_by_count;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -108,7 +108,7 @@ pub fn coloured_floor(tracks: &[Track], after: &Predicted) -> f64 {
 const COLOURED: f64 = 45.0;
 
 fn variance_by_median(values: impl Iterator<Item = f64>) -> f64 {
-    (quantile(values.map(f64::abs).collect(), 0.5) / 0.6745).powi(2)
+    (quantile_by_count(values.map(f64::abs).collect(), 0.5).unwrap_or_default() / 0.6745).powi(2)
 }
 
 /// Returns the squared errors of two models on the same blocks of rows, Nm^2.

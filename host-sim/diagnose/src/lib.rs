@@ -84,7 +84,6 @@ mod regime;
 mod rigid_body_hint;
 mod rules;
 mod sensitivities;
-mod statistics;
 pub mod summary;
 mod thresholds;
 mod train_test;

@@ -11,10 +11,10 @@
 //! torque noise and `m`.
 
 use super::model::FittedModel;
-use super::statistics::quantile;
 use super::train_test::TrainTest;
 use compensator_core::Parameters;
 use friction_fit::{Resolution, Scales, Track, initial_state, simulate};
+use joint_log::statistics::quantile_by_count;
 use rayon::prelude::*;
 
 /// Rows on either side over which a row's error is averaged, because three draws are too few for a
@@ -114,6 +114,6 @@ fn typical(tracks: &[Track], residuals: &[Vec<f64>]) -> f64 {
         let rows = residual.iter().enumerate().filter(|(row, _)| track.is_included(*row));
         rows.map(|(_, residual)| residual.abs())
     });
-    let median = quantile(judged.collect(), 0.5) / MEDIAN;
+    let median = quantile_by_count(judged.collect(), 0.5).unwrap_or_default() / MEDIAN;
     median.max(Scales::of(tracks).noise).max(f64::MIN_POSITIVE)
 }

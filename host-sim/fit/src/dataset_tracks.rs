@@ -4,10 +4,10 @@
 //! each sample carries its own period.
 
 use super::initial_heat::record_earlier_stretches;
-use super::scales::quantile;
 use super::torque_low_pass::TorqueLowPass;
 use super::track::{Track, row_range};
 use compensator_core::Sample;
+use joint_log::statistics::quantile_by_count;
 use joint_log::work::checkpoint;
 use joint_log::{Dataset, Quantity, Run, contract, segments};
 use std::ops::Range;
@@ -86,7 +86,7 @@ fn segment_track(
         .collect();
     let mut steps: Vec<f64> =
         run.time_s[rows.clone()].windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let period_s = quantile(steps.clone(), 0.5).unwrap_or_default().max(1e-9);
+    let period_s = quantile_by_count(steps.clone(), 0.5).unwrap_or_default().max(1e-9);
     let uneven = steps.iter().any(|step| (step / period_s - 1.0).abs() > EVEN_SPACING_TOLERANCE);
     let period_ratio = uneven.then(|| {
         // A coarse clock may repeat a time stamp: the step is small, not 0.

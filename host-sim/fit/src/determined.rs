@@ -10,7 +10,7 @@
 use super::outcome::State;
 use super::reason::Reason;
 use super::reduce::reduce;
-use super::scales::{SEVERAL_ROWS, Scales, quantile};
+use super::scales::{SEVERAL_ROWS, Scales};
 use super::solve::Solution;
 use super::statistics::inverse_information;
 use super::streaming_qr::Reduced;
@@ -18,6 +18,7 @@ use super::track::{Rows, Track, run_count};
 use crate::dual::Dual;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, TermKind};
+use joint_log::statistics::quantile_by_count;
 use nalgebra::{DMatrix, DVector};
 
 /// Relative standard error of a positive parameter above which it is "not determined": values from half to twice as large
@@ -71,7 +72,10 @@ impl Shown {
         Self {
             torque: torques.iter().copied().fold(0.0, f64::max)
                 - torques.iter().copied().fold(0.0, f64::min),
-            speeds: [scales.slow_speed, quantile(speeds, slower.max(0.0)).unwrap_or_default()],
+            speeds: [
+                scales.slow_speed,
+                quantile_by_count(speeds, slower.max(0.0)).unwrap_or_default(),
+            ],
             travels: [scales.slow_speed * scales.period_s, scales.swing],
         }
     }

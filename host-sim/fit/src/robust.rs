@@ -10,12 +10,12 @@
 use super::identify::identify;
 use super::initial_state::initial_state;
 use super::outcome::Outcome;
-use super::scales::quantile;
 use super::simulate::{Resolution, simulate};
 use super::solve::FitOptions;
 use super::track::{Rows, Track};
 use crate::spec::{Spec, SpecError};
 use compensator_core::Parameters;
+use joint_log::statistics::quantile_by_count;
 use rayon::prelude::*;
 
 /// Loss of a fit.
@@ -118,7 +118,8 @@ impl<'a> Weighting<'a> {
             rows.map(|(_, error)| error.abs()).collect()
         };
         let sizes: Vec<f64> = train.iter().zip(&errors).flat_map(included).collect();
-        weighting.deviation = quantile(sizes.clone(), 0.5).unwrap_or_default() / NORMAL_MEDIAN;
+        weighting.deviation =
+            quantile_by_count(sizes.clone(), 0.5).unwrap_or_default() / NORMAL_MEDIAN;
         weighting.reduced = sizes.iter().filter(|size| weighting.weight(**size) < 1.0).count();
         weighting
     }

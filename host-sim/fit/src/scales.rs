@@ -5,6 +5,7 @@ use super::simulate::Resolution;
 use super::statistics::autocorrelation_time;
 use super::track::{Rows, Track};
 use compensator_core::Parameters;
+use joint_log::statistics::quantile_by_count;
 
 /// Typical magnitudes of a data set.
 #[derive(Clone, Copy, Debug)]
@@ -54,19 +55,20 @@ impl Scales {
         let samples = || tracks.iter().flat_map(|track| &track.samples);
         let rows = samples().count().max(1) as f64;
         let speeds = samples().map(|s| s.velocity_rad_s.abs()).collect();
-        let speed = quantile(speeds, 0.95).unwrap_or(1.0);
+        let speed = quantile_by_count(speeds, 0.95).unwrap_or(1.0);
         let moving: Vec<f64> =
             samples().map(|s| s.velocity_rad_s.abs()).filter(|speed| *speed > 0.0).collect();
         let several = (SEVERAL_ROWS as f64 / moving.len().max(1) as f64).max(SEVERAL_SHARE);
-        let slow_speed = quantile(moving, several).unwrap_or(speed);
+        let slow_speed = quantile_by_count(moving, several).unwrap_or(speed);
         let acceleration = samples().map(|s| s.acceleration_rad_s2.powi(2)).sum::<f64>() / rows;
         let squares: f64 = tracks.iter().flat_map(|t| &t.torque).map(|t| t * t).sum();
         let travels = tracks
             .iter()
             .map(|t| t.samples.iter().map(|s| s.velocity_rad_s.abs()).sum::<f64>() * t.period_s)
             .collect();
-        let travel = quantile(travels, 0.5).unwrap_or(1.0);
-        let swing = quantile(tracks.iter().map(position_range).collect(), 0.5).unwrap_or(1.0);
+        let travel = quantile_by_count(travels, 0.5).unwrap_or(1.0);
+        let swing =
+            quantile_by_count(tracks.iter().map(position_range).collect(), 0.5).unwrap_or(1.0);
         let noise = noise(tracks).max(1e-6 * (squares / rows).sqrt());
         Self {
             speed: speed.max(1e-9),
@@ -126,14 +128,5 @@ fn noise(tracks: &[Track]) -> f64 {
 pub fn white_noise<'a>(series: impl Iterator<Item = &'a [f64]>) -> f64 {
     let second = |w: &[f64]| (w[0] - 2.0 * w[1] + w[2]).abs();
     let differences = series.flat_map(|series| series.windows(3).map(second)).collect();
-    quantile(differences, 0.5).unwrap_or_default() / (0.6745 * 6f64.sqrt())
-}
-
-/// Returns the value above this share of the others; `None` without values.
-pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let at = ((values.len() as f64 * share) as usize).min(values.len() - 1);
-    Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
+    quantile_by_count(differences, 0.5).unwrap_or_default() / (0.6745 * 6f64.sqrt())
 }

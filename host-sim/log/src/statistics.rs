@@ -1,6 +1,6 @@
 //! Robust statistics of a column: median, quantile, extent.
 //!
-//! All of them select values of the column; none interpolates but [`interpolated_median`]. So a median of a quantised column
+//! All of them select values of the column; none interpolates but [`median_of_sorted`]. So a median of a quantised column
 //! is a value that the column holds. The functions reorder the values, which avoids a copy. Without values they return
 //! `None`. A positive NaN counts as larger than every number (the order of [`f64::total_cmp`]), so a column that may hold
 //! some is filtered before.
@@ -15,9 +15,10 @@ pub fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
 
 /// Returns the value that a share of the values is below: rank `share * n`, rounded down. It differs from [`quantile`] by one
 /// rank in a short column.
-pub fn quantile_by_count(values: &mut [f64], share: f64) -> Option<f64> {
+pub fn quantile_by_count(mut values: Vec<f64>, share: f64) -> Option<f64> {
     let last = values.len().checked_sub(1)?;
-    select(values, ((values.len() as f64 * share) as usize).min(last))
+    let rank = ((values.len() as f64 * share) as usize).min(last);
+    select(&mut values, rank)
 }
 
 /// Returns the distance between the quantiles `share` and `1 - share`; 0 without values.
@@ -31,11 +32,14 @@ pub fn median(values: &mut [f64]) -> Option<f64> {
     quantile(values, 0.5)
 }
 
-/// Returns the value in the middle; of an even number the mean of the two.
-pub fn interpolated_median(values: &mut [f64]) -> Option<f64> {
-    let upper = median(values)?;
-    let lower = select(values, (values.len() - 1) / 2)?;
-    Some(0.5 * (lower + upper))
+/// Returns the value in the middle of sorted ones; of an even number the mean of the two, of none NaN.
+pub fn median_of_sorted(sorted: &[f64]) -> f64 {
+    let middle = sorted.len() / 2;
+    match sorted.len() % 2 {
+        _ if sorted.is_empty() => f64::NAN,
+        1 => sorted[middle],
+        _ => 0.5 * (sorted[middle - 1] + sorted[middle]),
+    }
 }
 
 /// Returns the median of the steps forward of a clock; `None` if there is none.
@@ -78,7 +82,8 @@ mod tests {
     #[test]
     fn statistics_without_values_return_none() {
         assert_eq!([median(&mut []), quantile(&mut [], 0.9)], [None; 2]);
-        assert_eq!([quantile_by_count(&mut [], 0.9), interpolated_median(&mut [])], [None; 2]);
+        assert_eq!(quantile_by_count(Vec::new(), 0.9), None);
+        assert!(median_of_sorted(&[]).is_nan());
         assert_eq!(median_step(&[1.0, 1.0, 0.0]), None);
     }
 
@@ -86,8 +91,8 @@ mod tests {
     fn median_of_even_number_is_upper_value_or_mean() {
         let values = [4.0, 1.0, 3.0, 2.0];
         assert_eq!(median(&mut values.clone()), Some(3.0));
-        assert_eq!(interpolated_median(&mut values.clone()), Some(2.5));
-        assert_eq!(interpolated_median(&mut [3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median_of_sorted(&[1.0, 2.0, 3.0, 4.0]), 2.5);
+        assert_eq!(median_of_sorted(&[1.0, 2.0, 3.0]), 2.0);
     }
 
     #[test]
@@ -95,8 +100,8 @@ mod tests {
         let values: Vec<f64> = (0..10).rev().map(f64::from).collect();
         assert_eq!(quantile(&mut values.clone(), 0.95), Some(9.0));
         assert_eq!(quantile(&mut values.clone(), 0.04), Some(0.0));
-        assert_eq!(quantile_by_count(&mut values.clone(), 0.89), Some(8.0));
-        assert_eq!(quantile_by_count(&mut values.clone(), 1.0), Some(9.0));
+        assert_eq!(quantile_by_count(values.clone(), 0.89), Some(8.0));
+        assert_eq!(quantile_by_count(values.clone(), 1.0), Some(9.0));
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 mod slope;
 
-pub use slope::{MIN_ENTRIES, RobustSlope, median, robust_slope};
+pub use slope::{MIN_ENTRIES, RobustSlope, robust_slope};
 
 use crate::ResultError;
 use crate::files::pretty;

@@ -7,6 +7,7 @@
 use friction_fit::Track;
 use joint_log::JointKind;
 use joint_log::number::significant;
+use joint_log::statistics::median;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -41,11 +42,6 @@ fn typical_speed(tracks: &[Track], of_run: &[usize]) -> f64 {
     let fastest = speeds.iter().copied().fold(0.0, f64::max);
     speeds.retain(|speed| *speed > MAX_REST_SPEED_RATIO * fastest);
     median(&mut speeds).unwrap_or(0.0)
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 fn name(speed: f64, joint: JointKind) -> String {

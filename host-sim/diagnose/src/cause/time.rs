@@ -5,10 +5,10 @@ use crate::candidate::{Candidate, FitContext, InitialGuess, Regressor, row};
 use crate::evidence::{Plane, PlaneAxis, ResidualView, Spacing};
 use crate::extended::{Extended, Size};
 use crate::sensitivities::Exact;
-use crate::statistics::quantile;
 use compensator_core::{ParameterId as Id, TermKind};
 use friction_fit::Track;
 use joint_log::number::significant;
+use joint_log::statistics::quantile_by_count;
 
 /// Contact ageing: the breakaway torque grows with the time at rest.
 pub(super) const DWELL_TIME_STATIC: Cause = Cause {
@@ -184,7 +184,7 @@ fn typical_run(tracks: &[Track]) -> Option<(f64, f64)> {
         let rows = ratios.map_or(track.len() as f64, |ratios| ratios.iter().sum());
         rows * track.period_s
     };
-    let middle = quantile(tracks.iter().map(length).collect(), 0.5);
+    let middle = quantile_by_count(tracks.iter().map(length).collect(), 0.5).unwrap_or_default();
     let rows: usize = tracks.iter().map(Track::len).sum();
     let power = |track: &Track| -> f64 {
         let both = track.samples.iter().zip(&track.torque);

@@ -7,10 +7,10 @@
 //! each run can still be judged.
 
 use super::covariate::{Covariate, covariates};
-use crate::statistics::quantile;
 use compensator_core::TermKind;
 use friction_fit::linear::Motion;
 use friction_fit::{Track, white_noise};
+use joint_log::statistics::quantile_by_count;
 use joint_log::{Dataset, Quantity, segments};
 use std::ops::{Deref, DerefMut, Range};
 
@@ -113,7 +113,9 @@ impl Rows {
             rigid_body,
             torque: of_runs.flat_map(|run| run.torque.iter().copied()).collect(),
             covariates: covariates(data),
-            top_speed: quantile(velocity.iter().map(|v| v.abs()).collect(), TOP_SPEED).max(1e-12),
+            top_speed: quantile_by_count(velocity.iter().map(|v| v.abs()).collect(), TOP_SPEED)
+                .unwrap_or_default()
+                .max(1e-12),
             least_step: least_step(position, runs),
             swing: swing(position, runs),
             span: range(position),
@@ -257,11 +259,15 @@ pub(crate) fn within_runs(scaled: &[f64], runs: &[Range<usize>]) -> f64 {
 fn least_step(position: &[f64], runs: &[Range<usize>]) -> f64 {
     let steps =
         runs.iter().flat_map(|run| position[run.clone()].windows(2).map(|w| (w[1] - w[0]).abs()));
-    quantile(steps.filter(|step| *step > 0.0).collect(), 0.2).max(1e-12)
+    quantile_by_count(steps.filter(|step| *step > 0.0).collect(), 0.2)
+        .unwrap_or_default()
+        .max(1e-12)
 }
 
 fn swing(position: &[f64], runs: &[Range<usize>]) -> f64 {
-    quantile(runs.iter().map(|run| range(&position[run.clone()])).collect(), 0.5).max(1e-12)
+    quantile_by_count(runs.iter().map(|run| range(&position[run.clone()])).collect(), 0.5)
+        .unwrap_or_default()
+        .max(1e-12)
 }
 
 fn range(values: &[f64]) -> f64 {

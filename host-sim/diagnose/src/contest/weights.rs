@@ -6,7 +6,7 @@
 //! the torque that no model avoids, and such rows count less as well. All hypotheses share these weights.
 
 use super::rows::Rows;
-use crate::statistics::quantile;
+use joint_log::statistics::quantile_by_count;
 
 /// Number of rows around a row that decide its kind.
 const WINDOW: usize = 9;
@@ -47,7 +47,7 @@ pub fn weigh(
     let spread = |kind: Option<Kind>| {
         let of_kind = rows.judged.iter().filter(|row| kind.is_none_or(|kind| kinds[**row] == kind));
         let values: Vec<f64> = of_kind.map(|row| residual[*row].abs()).collect();
-        (values.len(), NORMAL * quantile(values, 0.5) + 1e-30)
+        (values.len(), NORMAL * quantile_by_count(values, 0.5).unwrap_or_default() + 1e-30)
     };
     let (_, usual) = spread(None);
     let weight = [Kind::Rest, Kind::Bend, Kind::Slide].map(|kind| {

@@ -4,7 +4,7 @@
 //! offset of its own. Blocks are the unit of the comparison.
 
 use super::IncomparableReason;
-use crate::statistics::quantile;
+use joint_log::statistics::quantile_by_count;
 use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -426,7 +426,7 @@ fn averaged(stretches: &[Stretch]) -> usize {
 fn noise_variance(values: &[f64]) -> f64 {
     let second = values.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()).collect();
     // The median of a normal variable's size is 0.6745 standard deviations.
-    let spread = quantile(second, 0.5) / 0.6745;
+    let spread = quantile_by_count(second, 0.5).unwrap_or_default() / 0.6745;
     spread * spread / 6.0
 }
 

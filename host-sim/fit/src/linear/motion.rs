@@ -4,8 +4,8 @@
 //! rows, an acceleration, is derived here once, so that a fit and a prediction on another log derive it alike.
 
 use super::operator::{later, low_pass, running_mean, smooth};
-use crate::scales::quantile;
 use crate::torque_low_pass::{LowPassShape, TorqueLowPass};
+use joint_log::statistics::quantile_by_count;
 use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use std::ops::Range;
 
@@ -121,7 +121,7 @@ fn integrated(run: &Run) -> Vec<f64> {
 fn median_step(time_s: &[f64], runs: &[Range<usize>]) -> f64 {
     let steps = runs.iter().flat_map(|run| time_s[run.clone()].windows(2).map(|w| w[1] - w[0]));
     let positive = steps.filter(|step| *step > 0.0).collect();
-    quantile(positive, 0.5).unwrap_or_default().max(1e-9)
+    quantile_by_count(positive, 0.5).unwrap_or_default().max(1e-9)
 }
 
 fn has_campaign_clock(runs: &[Run]) -> bool {

@@ -13,7 +13,6 @@ use super::{
 use crate::Track;
 use crate::initial_heat::initial_heat;
 use crate::params::ParameterFile;
-use crate::scales::quantile;
 use crate::simulate::simulate_with_gains;
 use compensator_core::adaptation::{
     Adaptation, AdaptationParameters, FOLLOWED, FollowedQuantity, Frozen, Gains, MAX_GAINS,
@@ -21,6 +20,7 @@ use compensator_core::adaptation::{
 };
 use compensator_core::{ModelState, ParameterId, Sample};
 use joint_log::Dataset;
+use joint_log::statistics::quantile_by_count;
 use joint_log::work::checkpoint_at;
 
 /// Least speed of sliding, as a share of the largest speed. Below it, presliding and Stribeck friction prevail.
@@ -189,7 +189,7 @@ fn order_of_time(tracks: &[Track]) -> Vec<usize> {
 /// Returns the median time between rows, s.
 fn median_period(tracks: &[Track]) -> Option<f64> {
     let periods = tracks.iter().flat_map(|track| std::iter::repeat_n(track.period_s, track.len()));
-    quantile(periods.collect(), 0.5)
+    quantile_by_count(periods.collect(), 0.5)
 }
 
 /// Returns the settings of the adaptation for a log.
@@ -204,7 +204,7 @@ fn settings(
     let defaults = AdaptationParameters::default();
     let speeds = tracks.iter().flat_map(|track| &track.samples);
     let speeds = speeds.map(|sample| sample.velocity_rad_s.abs()).collect();
-    let largest = quantile(speeds, LARGEST_QUANTILE).unwrap_or_default();
+    let largest = quantile_by_count(speeds, LARGEST_QUANTILE).unwrap_or_default();
     let least_noise = LEAST_NOISE_SHARE * file.parameters.get(ParameterId::CoulombTorque).abs();
     let noise = file.fit.rmse.unwrap_or_else(|| first_error(data, tracks, fixed, order));
     let [least, most] =

@@ -37,9 +37,9 @@ pub fn logged_is_better(logged: &Dataset, reconstructed: &Dataset) -> bool {
 
 /// Returns the RMS error of plain friction by least squares; `None` if it has no solution.
 fn plain_error(data: &Dataset) -> Option<f64> {
-    let mut speeds: Vec<f64> =
+    let speeds: Vec<f64> =
         data.runs.iter().flat_map(|run| run.velocity.iter().map(|v| v.abs())).collect();
-    let slowest = NO_DIRECTION * quantile_by_count(&mut speeds, TOP_SPEED)?;
+    let slowest = NO_DIRECTION * quantile_by_count(speeds, TOP_SPEED)?;
     let mut products = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();
     let (mut squares, mut rows) = (0.0, 0.0);

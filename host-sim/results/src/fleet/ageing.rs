@@ -10,8 +10,9 @@
 use super::FleetError;
 use super::jobs::find_trends;
 use super::statistics::{FLEET_SIGNIFICANCE, natural_key};
-use crate::level_trend::{LevelTrend, RobustSlope, median, robust_slope};
+use crate::level_trend::{LevelTrend, RobustSlope, robust_slope};
 use joint_log::number::significant;
+use joint_log::statistics::median_of_sorted;
 use serde::Serialize;
 use std::path::Path;
 
@@ -128,13 +129,13 @@ fn stands_out(
         return true;
     }
     others.sort_by(f64::total_cmp);
-    let middle = median(&others);
+    let middle = median_of_sorted(&others);
     if others.len() + 1 < MIN_JOINTS {
         return excludes(middle);
     }
     let mut deviations: Vec<f64> = others.iter().map(|slope| (slope - middle).abs()).collect();
     deviations.sort_by(f64::total_cmp);
-    let scatter = (median(&deviations) / NORMAL_MAD).hypot(std_error);
+    let scatter = (median_of_sorted(&deviations) / NORMAL_MAD).hypot(std_error);
     (slope.slope - middle).abs() > OUTLIER_SCORE * scatter
 }
 

@@ -15,8 +15,8 @@
 use super::mirror::{SignedValues, is_turned, mirrored};
 use super::statistics::{FLEET_SIGNIFICANCE, natural_key};
 use super::{FleetRow, LEVELS, Level, SIGNED};
-use crate::level_trend::median;
 use crate::page::words::{counted, listed};
+use joint_log::statistics::median_of_sorted;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
@@ -368,7 +368,7 @@ fn differing(values: &[(f64, f64)], significance: f64) -> Vec<bool> {
 fn middle(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
-    median(&sorted)
+    median_of_sorted(&sorted)
 }
 
 #[cfg(test)]

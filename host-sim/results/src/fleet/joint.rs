@@ -6,10 +6,10 @@ use super::comparison::{
 };
 use super::statistics::{Limit, Trend, natural_key, trends};
 use super::{Ageing, FleetRow, LEVELS, SIGNED};
-use crate::level_trend::median;
 use crate::page::words::counted;
 use friction_diagnose::NEGLIGIBLE;
 use joint_log::number::significant;
+use joint_log::statistics::median_of_sorted;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -180,7 +180,7 @@ fn shared(rows: &[FleetRow], joints: &[JointSummary]) -> Vec<SharedCause> {
     let range = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
         let (first, last) = (*values.first()?, *values.last()?);
-        Some([median(&values), first, last])
+        Some([median_of_sorted(&values), first, last])
     };
     let describe = |(cause, sharing): (&str, Vec<&JointSummary>)| {
         let unit = &sharing[0].size_unit;

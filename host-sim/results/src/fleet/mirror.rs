@@ -4,7 +4,7 @@
 //! and a difference between the directions change their sign. Such a quantity has two signs in the fleet, and one size.
 
 use super::statistics::natural_key;
-use crate::level_trend::median;
+use joint_log::statistics::median_of_sorted;
 use std::collections::BTreeMap;
 
 /// A signed quantity of some joints: the joint, the value, and its standard error.
@@ -29,7 +29,7 @@ fn has_mirrored_signs(values: &SignedValues) -> bool {
     let of_sign = |wanted: f64| values.iter().filter(|of| sign(of) == wanted).count();
     let middle = |mut sorted: Vec<f64>| {
         sorted.sort_by(f64::total_cmp);
-        median(&sorted)
+        median_of_sorted(&sorted)
     };
     if of_sign(1.0).min(of_sign(-1.0)) < MIN_OF_A_SIGN {
         return false;

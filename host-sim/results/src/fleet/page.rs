@@ -8,12 +8,12 @@ use super::comparison::MIN_COMPARED;
 use super::joint::{JointSummary, level_unit, summarise};
 use super::statistics::{FLEET_SIGNIFICANCE, Limit, Trend, trends};
 use super::{Ageing, FleetRow, LEVELS};
-use crate::level_trend::median;
 use crate::page::words::counted;
 use crate::report::{
     Answers, Axis, Benefit, Block, Cell, Chart, Finder, Page, Section, Series, Table,
 };
 use joint_log::number::{count, significant};
+use joint_log::statistics::median_of_sorted;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest number of rows in a list.
@@ -66,7 +66,7 @@ fn answers(rows: &[FleetRow], joints: &[JointSummary]) -> Answers {
             true => Benefit::Purpose("It shows which joints need attention, and why.".into()),
             false => Benefit::Gain(format!(
                 "Where a cause is named, the extension reduces the held-out error by {}\u{a0}% (median of {}).",
-                significant(100.0 * median(&gains), 2),
+                significant(100.0 * median_of_sorted(&gains), 2),
                 counted(gains.len(), "log")
             )),
         },

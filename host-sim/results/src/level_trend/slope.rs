@@ -5,6 +5,7 @@
 //! temperature, so the variance of the test grows with the autocorrelation of the residuals. Marriott and Pope, "Bias in the
 //! estimation of autocorrelations", Biometrika 41, 1954: the residuals of a fitted line show less of it than there is.
 
+use joint_log::statistics::median_of_sorted;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 /// Minimum number of points. Fewer cannot be significant in a fleet.
@@ -58,11 +59,11 @@ pub fn robust_slope(points: &[(f64, f64)], confidence: f64) -> Option<RobustSlop
         }
     }
     slopes.sort_by(f64::total_cmp);
-    let slope = median(&slopes);
+    let slope = median_of_sorted(&slopes);
     let mut offsets: Vec<f64> = points.iter().map(|(time, value)| value - slope * time).collect();
     let residuals = offsets.clone();
     offsets.sort_by(f64::total_cmp);
-    let line = |time: f64| median(&offsets) + slope * time;
+    let line = |time: f64| median_of_sorted(&offsets) + slope * time;
     let number = count as f64;
     let correlation = autocorrelation(&residuals);
     let inflation = (1.0 + correlation) / (1.0 - correlation);
@@ -84,15 +85,6 @@ pub fn robust_slope(points: &[(f64, f64)], confidence: f64) -> Option<RobustSlop
         last: line(last),
         span: last - first,
     })
-}
-
-/// Returns the median of sorted values.
-pub fn median(sorted: &[f64]) -> f64 {
-    let middle = sorted.len() / 2;
-    match sorted.len() % 2 {
-        1 => sorted[middle],
-        _ => 0.5 * (sorted[middle - 1] + sorted[middle]),
-    }
 }
 
 /// Returns the autocorrelation of neighbours, less the bias of a few residuals of a line, `-(2 + 4 r) / n`; 0 if it is negative.

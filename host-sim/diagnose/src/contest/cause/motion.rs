@@ -3,9 +3,9 @@
 use super::{Columns, Context, form, of_level, plain};
 use crate::contest::detail::Detail;
 use crate::contest::rows::Rows;
-use crate::statistics::quantile;
 use friction_fit::linear::{Factor, Regressor, heat, mean_growth};
 use joint_log::JointKind;
+use joint_log::statistics::quantile_by_count;
 
 /// Displacement within which a joint rests, as a share of the travel.
 const REST_TRAVEL: f64 = 0.02;
@@ -110,7 +110,9 @@ pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
 pub(super) fn warm_up(context: &Context) -> Vec<Columns> {
     let mut found = Vec::new();
     for cooling_s in COOLING_S {
-        let large = quantile(heat(&context.rows.motion, context.level, cooling_s), 0.9) + 1e-12;
+        let large = quantile_by_count(heat(&context.rows.motion, context.level, cooling_s), 0.9)
+            .unwrap_or_default()
+            + 1e-12;
         for share in HEATS {
             let factor = Factor::Warmth { scale: share * large, cooling_s };
             found.push(plain(
