@@ -156,12 +156,6 @@ impl From<ParameterFileErrorKind> for ParameterFileError {
     }
 }
 
-impl From<ParameterFileError> for String {
-    fn from(error: ParameterFileError) -> Self {
-        error.to_string()
-    }
-}
-
 impl From<ParameterFileErrorKind> for String {
     fn from(kind: ParameterFileErrorKind) -> Self {
         ParameterFileError::from(kind).to_string()

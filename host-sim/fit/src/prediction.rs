@@ -116,12 +116,6 @@ pub enum PredictionError {
     Adaptation(#[from] ParameterError),
 }
 
-impl From<PredictionError> for String {
-    fn from(error: PredictionError) -> Self {
-        error.to_string()
-    }
-}
-
 fn kind(joint: JointKind) -> &'static str {
     match joint {
         JointKind::Revolute => "revolute",

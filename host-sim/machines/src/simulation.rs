@@ -85,12 +85,6 @@ fn rows(count: f64) -> String {
     if count < 1e8 { count.to_string() } else { format!("{count:e}") }
 }
 
-impl From<SimulationError> for String {
-    fn from(error: SimulationError) -> Self {
-        error.to_string()
-    }
-}
-
 /// A machine, or an experiment on one.
 #[derive(Clone, Copy, Debug)]
 pub struct Simulation {

@@ -19,7 +19,7 @@ use compensator_core::network::MAX_INPUTS;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Metrics, Outcome, Track, identify as identify_law};
-use friction_results::Files;
+use friction_results::{Files, ResultError};
 use joint_log::Dataset;
 use joint_log::number::significant;
 use joint_log::work;
@@ -172,7 +172,7 @@ fn result(
     fit: &Outcome,
     training: &TrainingResult,
     names: &[String],
-) -> Result<IdentifiedNetwork, String> {
+) -> Result<IdentifiedNetwork, ResultError> {
     let files = network_files(fit, training, names, data)?;
     let unit = Quantity::Torque.info().units[data.data.joint as usize];
     let number = |value| significant(value, 4);

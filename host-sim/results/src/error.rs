@@ -38,12 +38,6 @@ impl ResultError {
 /// Reports an error where a front end expects its line.
 macro_rules! as_line {
     ($error:ty) => {
-        impl From<$error> for String {
-            fn from(error: $error) -> Self {
-                error.to_string()
-            }
-        }
-
         impl From<$error> for friction_diagnose::prepare::Error {
             fn from(error: $error) -> Self {
                 Self::Request(error.to_string())

@@ -4,9 +4,9 @@ use crate::driver_file;
 use crate::learn::Learnt;
 use crate::recording::{Recording, Row};
 use crate::session::Session;
-use friction_results::Files;
 use friction_results::diagnosis::DiagnosedLog;
 use friction_results::tune::TuneRun;
+use friction_results::{Files, ResultError};
 use joint_log::JointKind;
 
 /// Returns the files of a session: `tune.html`, `tune.json`, `runs.parquet`, `diagnosis.json`, the set as the joint was in
@@ -14,7 +14,7 @@ use joint_log::JointKind;
 ///
 /// # Errors
 /// One line, if a file cannot be written in its format.
-pub fn files(session: &Session) -> Result<Files, String> {
+pub fn files(session: &Session) -> Result<Files, ResultError> {
     let emit = |set| driver_file::emit(set, JointKind::Revolute);
     let mut texts = vec![("before.toml", emit(&session.before.set))];
     let saved = session.tried.as_ref().filter(|_| session.is_saved());
@@ -26,7 +26,7 @@ pub fn files(session: &Session) -> Result<Files, String> {
         texts.push(("diagnosis.json", diagnosed.json_text()?));
         page = Some(diagnosed.page());
     }
-    Ok(session.report.files(&runs(session), page, texts)?)
+    session.report.files(&runs(session), page, texts)
 }
 
 /// Returns the recorded rows of a session.

@@ -69,12 +69,6 @@ pub enum HideError {
     },
 }
 
-impl From<HideError> for String {
-    fn from(error: HideError) -> Self {
-        error.to_string()
-    }
-}
-
 impl From<HiddenCause> for Hide {
     /// Hides an effect of a drawn size.
     fn from(effect: HiddenCause) -> Self {
