@@ -122,7 +122,7 @@ impl Joint {
             hub.attach(MotorNode::drawn(joint, &service::starting_set(joint))?);
         }
         let options = Options { bit_rate: self.bit_rate, ..Options::default() };
-        let bus = self.bus.open_with(&hub, options)?;
+        let bus = self.bus.open(&hub, options)?;
         Ok(Client::new(bus, self.node).with_key(self.key))
     }
 }
