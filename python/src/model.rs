@@ -110,7 +110,7 @@ impl Model {
         };
         let failed = |error: String| refused(py, &error);
         let mut file: ParameterFile =
-            params::parse(&self.toml, &[]).map_err(|error| failed(error.into()))?;
+            params::parse(&self.toml, &[]).map_err(|error| failed(error.to_string()))?;
         file.compensator.gravity |= gravity;
         for (name, value) in compensator.into_iter().flatten() {
             let wrong = |why: ParameterFileErrorKind| {

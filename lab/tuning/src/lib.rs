@@ -143,8 +143,9 @@ pub fn options(seed: u64, limits: MotionLimits) -> TuneOptions {
 /// # Errors
 /// Returns one line if the plant does not have the effect.
 pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, String> {
-    let hide: Vec<Hide> = hidden.map(Hide::parse).transpose()?.into_iter().collect();
-    Ok(DrawnJoint::draw(seed, &hide, None)?)
+    let hide = hidden.map(Hide::parse).transpose().map_err(|error| error.to_string())?;
+    let hide: Vec<Hide> = hide.into_iter().collect();
+    DrawnJoint::draw(seed, &hide, None).map_err(|error| error.to_string())
 }
 
 /// Returns the stand with the joint of a case as it is found.
