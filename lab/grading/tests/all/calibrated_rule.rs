@@ -34,7 +34,7 @@ fn calibrated_rule_without_hidden_effect_gives_no_verdict() {
 #[test]
 fn calibrated_rule_with_load_and_pressure_gives_a_verdict() {
     let truth = record(5, Recording { runs: 16, rate_hz: 200.0, ..Recording::default() });
-    let tracks = tracks(&simulated::dataset(&truth.log()));
+    let tracks = tracks(&simulated::dataset(truth.log()));
     let free = LawKind::Lugre.parameters();
     let settings = Settings::default();
     let (_, calibrated) = certify_calibrated(&fitted(&tracks), free, &tracks, &settings);
