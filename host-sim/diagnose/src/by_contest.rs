@@ -164,21 +164,21 @@ struct Offer {
 impl Offer {
     /// Fits a finalist to all rows. Returns `None` if it has no term, does not gain on held-out rows, or is no model that the
     /// core takes: two amplitudes may each be within their bounds and turn friction round together.
-    fn new(chosen: &Chosen, before: &Predicted, seed: u64) -> Result<Option<Self>, SpecError> {
+    fn new(chosen: &Chosen, before: &Predicted, seed: u64) -> Option<Self> {
         let FittedFinalist { model, realised, .. } = &chosen.fitted;
         if realised.is_empty() {
-            return Ok(None);
+            return None;
         }
-        let outcome = chosen.corrected.identify(&resolved(&chosen.excerpt, model))?;
+        let outcome = chosen.corrected.identify(&resolved(&chosen.excerpt, model));
         let driver = outcome.for_driver().parameters;
         if driver.validate().and_then(|()| driver.convert::<f32>().validate()).is_err() {
-            return Ok(None);
+            return None;
         }
         let model = FittedModel::of(&outcome, model);
         let after = chosen.corrected.held_out(&model);
         let gain = Gain::between(before, &after, seed);
         let offer = Self { model, outcome, after, gain, realised: realised.clone() };
-        Ok((gain.value > 0.0 && gain.ci95[0] > 0.0).then_some(offer))
+        (gain.value > 0.0 && gain.ci95[0] > 0.0).then_some(offer)
     }
 }
 
@@ -199,12 +199,12 @@ fn models(
     progress("fitting the best hypotheses");
     let mut chosen = search.best(weighed)?;
     progress("fitting the base model to all rows");
-    let baseline = search.baseline(&chosen)?;
+    let baseline = search.baseline(&chosen);
     progress("evaluating the base model on held-out rows");
     let before = search.before(&chosen, &baseline);
     loop {
         progress("fitting the extended model to all rows");
-        let offer = Offer::new(&chosen, &before, search.options.seed)?;
+        let offer = Offer::new(&chosen, &before, search.options.seed);
         let names: Vec<bool> = weighed.iter().map(WeighedCause::is_named).collect();
         if let Some(offer) = &offer {
             findings::check_sizes(weighed, &chosen.corrected.judged, offer);

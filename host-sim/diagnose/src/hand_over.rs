@@ -171,7 +171,7 @@ impl BesidePlain {
         let base = spec.parameters()?;
         let options = FitOptions { passive: true, ..FitOptions::default() };
         let (train, test) = (input.train_rows(), input.test_rows());
-        let plain = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
+        let plain = identify_robustly(input.loss, &spec, &base, train, test, &options);
         // What a file holds is the form for a driver.
         let on_test =
             |outcome: &Outcome| predict(&outcome.for_driver().parameters, test, outcome.resolution);

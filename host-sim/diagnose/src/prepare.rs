@@ -300,7 +300,7 @@ pub fn identify_each(
         let mut base = spec.parameters()?;
         base.choices = choices;
         let (train, test) = (input.train_rows(), input.test_rows());
-        identify_robustly(input.loss, &spec, &base, train, test, options)
+        Ok(identify_robustly(input.loss, &spec, &base, train, test, options))
     };
     specs.iter().map(fit).collect()
 }

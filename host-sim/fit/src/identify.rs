@@ -3,57 +3,50 @@
 use super::determined::Evidence;
 use super::legal::fit_legal;
 use super::outcome::{Estimate, Outcome, State};
-use super::passive::{passive_fit, reported};
-use super::predict::{Predicted, predict};
+use super::passive::{EvaluatedFit, PassiveFit, passive_fit, reported};
+use super::predict::predict;
 use super::reason::Reason;
 use super::solve::{FitOptions, Solution, unobserved_parameters};
 use super::statistics::autocorrelation_time;
 use super::track::Rows;
 use super::verdict::verdicts;
 use crate::clock::Instant;
-use crate::spec::{Spec, SpecError};
-use compensator_core::{ParameterId, Parameters};
+use crate::spec::Spec;
+use compensator_core::{ParameterError, ParameterId, Parameters};
 use nalgebra::DMatrix;
 
 /// Fits a model to the training rows and evaluates it on the test rows.
-///
-/// # Errors
-/// If the model carries more terms than the core takes.
 pub fn identify(
     spec: &Spec,
     base: &Parameters<f64>,
     train: Rows,
     test: Rows,
     options: &FitOptions,
-) -> Result<Outcome, SpecError> {
+) -> Outcome {
     let begin = Instant::now();
     let rows = [train, test];
     let (solution, parameters) = fit_legal(spec, base, rows, options);
-    let passive = match options.passive {
-        true => passive_fit(spec, &parameters, &solution, rows, options),
-        false => None,
-    };
-    let (alone, errors) = evaluate(spec, solution, parameters, rows);
-    let mut outcome = match passive {
-        Some(form) => {
-            let of_form = evaluate(spec, form.solution.clone(), form.parameters.clone(), rows);
-            let evaluations = alone.evaluations + of_form.0.evaluations;
-            Outcome { evaluations, ..reported((alone, errors), of_form, form) }
+    let passive = options.passive.then(|| passive_fit(spec, &parameters, &solution, rows, options));
+    let alone = evaluate(spec, solution, parameters, rows);
+    let mut outcome = match passive.flatten() {
+        Some(PassiveFit { solution, parameters, changes }) => {
+            let passive = evaluate(spec, solution, parameters, rows);
+            let evaluations = alone.outcome.evaluations + passive.outcome.evaluations;
+            Outcome { evaluations, ..reported(alone, passive, changes) }
         }
-        None => alone,
+        None => alone.outcome,
     };
     outcome.seconds = begin.elapsed().as_secs_f64();
     ensure_loadable(&mut outcome);
-    Ok(outcome)
+    outcome
 }
 
-/// Returns the outcome of a fit, and its errors on the held-out rows.
 fn evaluate(
     spec: &Spec,
     solution: Solution,
     parameters: Parameters<f64>,
     [train, test]: [Rows; 2],
-) -> (Outcome, Predicted) {
+) -> EvaluatedFit {
     let predicted = predict(&parameters, train, solution.resolution);
     let held_out = predict(&parameters, test, solution.resolution);
     let time = autocorrelation_time(predicted.residuals.iter().map(Vec::as_slice));
@@ -80,20 +73,30 @@ fn evaluate(
         parameters,
     };
     outcome.verdicts = verdicts(&outcome, &predicted, train.tracks);
-    (outcome, held_out)
+    EvaluatedFit { outcome, held_out }
 }
 
-/// Ensures that the core accepts the parameters. For a law that is not passive (damping above the passivity bound, friction
-/// that falls with speed) this sets `allow_active`. If the core still rejects the parameters, a verdict reports it.
+/// Returns why a driver rejects the parameters. The driver's number type counts too, because rounding to `f32` can cross a bound.
+fn refusal(parameters: &Parameters<f64>) -> Option<ParameterError> {
+    let rounded = parameters.convert::<f32>();
+    parameters.validate().and_then(|()| rounded.validate()).err()
+}
+
+/// Ensures that the core accepts the parameters. A law that is refused only because it is not passive (damping above the
+/// passivity bound, friction that falls with speed) gets `allow_active`. Parameters that are refused for another reason keep
+/// the choice as it was, so that correcting them releases no active law. A verdict reports what the core rejects.
 fn ensure_loadable(outcome: &mut Outcome) {
-    // In the driver's number type, because rounding to f32 can cross a bound.
-    let refusal = |parameters: &Parameters<f64>| {
-        let rounded = parameters.convert::<f32>();
-        parameters.validate().and_then(|()| rounded.validate()).err()
-    };
+    if let Some(error) = outcome.driver_form.as_ref().and_then(|form| refusal(&form.parameters)) {
+        outcome.verdicts.push(format!("the core rejects the parameters for a driver: {error}"));
+    }
     let Some(error) = refusal(&outcome.parameters) else { return };
-    outcome.parameters.choices.allow_active = true;
-    match refusal(&outcome.parameters) {
+    let mut active = outcome.parameters.clone();
+    active.choices.allow_active = true;
+    let remaining = refusal(&active);
+    if remaining.is_none() {
+        outcome.parameters = active;
+    }
+    match remaining {
         None if outcome.driver_form.is_some() => {}
         None => outcome.verdicts.push(format!(
             "the law can supply energy and so keep a joint moving ({error}); params.toml sets allow_active, and a driver \
@@ -127,4 +130,50 @@ fn estimates(
         Estimate { id, value, std_error, state, reason }
     };
     (parameters.active().map(estimate).collect(), evidence.correlation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Track;
+    use compensator_core::{ParameterId as Id, Sample};
+
+    /// A fit of a law with a Stribeck curve, whose parameters a test changes.
+    fn fitted() -> Outcome {
+        let velocity = |row: usize| 2.0 * (0.02 * row as f64).sin();
+        let samples: Vec<Sample<f64>> = (0..1000)
+            .map(|row| Sample { velocity_rad_s: velocity(row), ..Sample::default() })
+            .collect();
+        let torque = (0..1000).map(|row| 0.5 * velocity(row).signum() + 0.2 * velocity(row));
+        let tracks = [Track::even(samples, torque.collect(), 0.01)];
+        let rows = Rows { tracks: &tracks, decimate: 1 };
+        let spec = Spec::parse("stribeck").expect("a model");
+        let base = spec.parameters().expect("parameters");
+        identify(&spec, &base, rows, rows, &FitOptions { starts: 1, ..FitOptions::default() })
+    }
+
+    fn loadable(static_torque: f64, viscous_friction: f64) -> Outcome {
+        let mut outcome = fitted();
+        outcome.verdicts.clear();
+        outcome.parameters.choices.allow_active = false;
+        outcome.parameters.set(Id::CoulombTorque, 0.5);
+        outcome.parameters.set(Id::StaticTorque, static_torque);
+        outcome.parameters.set(Id::ViscousFriction, viscous_friction);
+        ensure_loadable(&mut outcome);
+        outcome
+    }
+
+    #[test]
+    fn ensure_loadable_with_active_law_sets_allow_active() {
+        let outcome = loadable(0.6, -0.2);
+        assert!(outcome.parameters.choices.allow_active);
+        assert!(outcome.verdicts[0].contains("params.toml sets allow_active"), "{outcome:?}");
+    }
+
+    #[test]
+    fn ensure_loadable_with_wrong_levels_keeps_allow_active_off() {
+        let outcome = loadable(0.3, -0.2);
+        assert!(!outcome.parameters.choices.allow_active);
+        assert!(outcome.verdicts[0].contains("the core rejects"), "{:?}", outcome.verdicts);
+    }
 }

@@ -32,11 +32,17 @@ const BOUND_SHARES: [f64; 5] = [0.95, 0.95, 0.8, 0.5, 0.2];
 pub(super) struct PassiveFit {
     pub solution: Solution,
     pub parameters: Parameters<f64>,
-    changes: Vec<PassivityChange>,
+    pub changes: Vec<PassivityChange>,
+}
+
+/// A fit with its errors on the held-out rows.
+pub(super) struct EvaluatedFit {
+    pub outcome: Outcome,
+    pub held_out: Predicted,
 }
 
 /// A change that made a law passive.
-struct PassivityChange {
+pub(super) struct PassivityChange {
     /// The parameter that was moved to its bound, if any.
     id: Option<Id>,
     /// Note for the user.
@@ -108,16 +114,15 @@ fn towards_passivity(
 
 /// Compares a fit to the rows alone with its passive form, and returns the one to report with what the form costs.
 pub(super) fn reported(
-    alone: (Outcome, Predicted),
-    passive: (Outcome, Predicted),
-    changes: PassiveFit,
+    alone: EvaluatedFit,
+    passive: EvaluatedFit,
+    changes: Vec<PassivityChange>,
 ) -> Outcome {
-    let (alone, errors_alone) = alone;
-    let (mut passive, errors_passive) = passive;
-    let is_worse = is_clearly_worse(&errors_passive, &errors_alone);
-    let moved = mark_moved(&mut passive.estimates, &alone.estimates, &changes.changes);
+    let is_worse = is_clearly_worse(&passive.held_out, &alone.held_out);
+    let (alone, mut passive) = (alone.outcome, passive.outcome);
+    let moved = mark_moved(&mut passive.estimates, &alone.estimates, &changes);
     let cost = cost_in_words(&alone, &passive);
-    let mut notes: Vec<String> = changes.changes.into_iter().map(|change| change.note).collect();
+    let mut notes: Vec<String> = changes.into_iter().map(|change| change.note).collect();
     notes.push(cost);
     let mut outcome = if is_worse {
         notes.push(

@@ -100,7 +100,7 @@ pub fn identify(options: &IdentifyOptions, data: &Prepared) -> Result<Identified
     };
     let task = TrainingTask { names, watches_strokes: options.watches_strokes, options: training };
     work::report_stage(&format!("fitting {BASE} to {} rows", data.data.rows));
-    let fit = identify_law(&spec, &base, data.train_rows(), data.test_rows(), &fitting)?;
+    let fit = identify_law(&spec, &base, data.train_rows(), data.test_rows(), &fitting);
     let training = match *inputs.as_slice() {
         [a] => train_network(&fit, [a], data, &task, &progress),
         [a, b] => train_network(&fit, [a, b], data, &task, &progress),

@@ -164,7 +164,7 @@ fn fit_joint(
     };
     work::report_stage(&format!("fitting {spec} to {} rows", input.data.rows));
     let (train, test) = (input.train_rows(), input.test_rows());
-    let fit = identify_robustly(input.loss, &spec, &base, train, test, &options)?;
+    let fit = identify_robustly(input.loss, &spec, &base, train, test, &options);
     work::report_stage("writing the report");
     let beside = BesidePlain::of(&fit, input)?;
     let files = fit_files(&fit, &beside, input)?;

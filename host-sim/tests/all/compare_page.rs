@@ -54,7 +54,7 @@ impl Case {
         let spec = Spec::parse(model).unwrap();
         let options = FitOptions { starts: 1, ..FitOptions::default() };
         let (train, test) = (self.rows(&self.train), self.rows(&self.test));
-        identify(&spec, &spec.parameters().unwrap(), train, test, &options).unwrap()
+        identify(&spec, &spec.parameters().unwrap(), train, test, &options)
     }
 
     /// The page without scripts.

@@ -375,7 +375,7 @@ fn export_gives_the_same_error_on_a_log_in_every_form() {
         let tracks = tracks(&data);
         let rows = Rows { tracks: &tracks, decimate: 1 };
         let base = spec.parameters().expect("parameters");
-        let fit = identify(&spec, &base, rows, rows, &FitOptions::default()).expect("a fit");
+        let fit = identify(&spec, &base, rows, rows, &FitOptions::default());
         let file = driver_file::parse(&params::emit(&fit, &data, None)).expect("a legal model");
         let predicted = predict_log(&file, &data, &PredictionOptions::AS_EXPORTED).expect("rows");
         let from_zero =

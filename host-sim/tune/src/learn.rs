@@ -114,18 +114,13 @@ impl Learnt {
     }
 
     fn fit(&self, spec: &Spec) -> Option<Outcome> {
-        self.fit_from(spec, &spec.parameters().ok()?, &FitOptions::default())
+        Some(self.fit_from(spec, &spec.parameters().ok()?, &FitOptions::default()))
     }
 
-    fn fit_from(
-        &self,
-        spec: &Spec,
-        base: &Parameters<f64>,
-        options: &FitOptions,
-    ) -> Option<Outcome> {
+    fn fit_from(&self, spec: &Spec, base: &Parameters<f64>, options: &FitOptions) -> Outcome {
         let rows = Rows { tracks: &self.input.train, decimate: self.input.decimate };
         let (test, loss) = (self.input.test_rows(), self.input.loss);
-        identify_robustly(loss, spec, base, rows, test, options).ok()
+        identify_robustly(loss, spec, base, rows, test, options)
     }
 
     /// Returns the inertia at the joint, kg m^2, if the recordings determine it.
@@ -168,7 +163,7 @@ impl Learnt {
             options.fixed.push(ParameterId::ViscousFriction);
         }
         options.start = Some(start.clone());
-        let fitted = self.fit_from(&model.spec, &start, &options)?;
+        let fitted = self.fit_from(&model.spec, &start, &options);
         is_passive(&fitted.for_driver().parameters).then_some(fitted)
     }
 

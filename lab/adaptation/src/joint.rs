@@ -106,7 +106,7 @@ impl Joint {
         };
         let tracks = [track];
         let rows = Rows { tracks: &tracks, decimate: 1 };
-        let found = identify(&spec, &base, rows, rows, &options)?.for_driver();
+        let found = identify(&spec, &base, rows, rows, &options).for_driver();
         let mut model: Parameters<f32> = found.parameters.convert();
         let rigid = [TermKind::UnmodelledInertia, TermKind::TorqueOffset];
         model.terms.retain(|term| !rigid.contains(term));

@@ -40,7 +40,7 @@ impl Rival {
             let spec = Spec::parse(law).ok()?.on(&[TermKind::UnmodelledInertia]);
             let base = spec.parameters().ok()?;
             let (test, loss) = (learnt.input.test_rows(), learnt.input.loss);
-            identify_robustly(loss, &spec, &base, rows, test, &FitOptions::default()).ok()
+            Some(identify_robustly(loss, &spec, &base, rows, test, &FitOptions::default()))
         });
         let best = fits.min_by(|a, b| a.test.rmse.total_cmp(&b.test.rmse));
         let table = best.ok_or("no static law fits")?.for_driver();

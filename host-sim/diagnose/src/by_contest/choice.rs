@@ -81,7 +81,7 @@ impl Search<'_> {
         }
         let log = self.log.of_motion();
         let start = fitted(&log, &spec, None, &[], None)?;
-        CorrectedRows::uncorrected(&log).identify(&start)
+        Ok(CorrectedRows::uncorrected(&log).identify(&start))
     }
 }
 

@@ -10,7 +10,6 @@ use crate::leading_fault::Corrected;
 use crate::left_out::one_step_left_out;
 use crate::model::FittedModel;
 use crate::train_test::TrainTest;
-use friction_fit::spec::SpecError;
 use friction_fit::{
     COMPARISON_TOLERANCE, ChannelGain, FitOptions, Measurement, Outcome, Predicted, TorqueLowPass,
     Weighting, identify, predict,
@@ -133,7 +132,7 @@ impl CorrectedRows {
     }
 
     /// Fits a model to all rows, from its parameters, until it converges.
-    pub(super) fn identify(&self, model: &FittedModel) -> Result<Outcome, SpecError> {
+    pub(super) fn identify(&self, model: &FittedModel) -> Outcome {
         let log = self.fitted.following(model.follows.as_ref());
         let options = FitOptions {
             fixed: model.fixed.clone(),

@@ -188,7 +188,7 @@ impl Search<'_> {
     }
 
     /// Returns the base model fitted to all rows. Of a given model, the values stay.
-    pub(super) fn baseline(&self, chosen: &Chosen) -> Result<Outcome, SpecError> {
+    pub(super) fn baseline(&self, chosen: &Chosen) -> Outcome {
         let base = match &self.options.given {
             Some((spec, parameters)) => &FittedModel {
                 spec: spec.clone(),

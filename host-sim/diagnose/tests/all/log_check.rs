@@ -390,7 +390,7 @@ fn check_with_many_spikes_keeps_the_fit() {
         let tracks = tracks(data);
         let rows = Rows { tracks: &tracks, decimate: 1 };
         let fit = identify_robustly(loss, &spec, &base, rows, rows, &FitOptions::default());
-        fit.expect("a fit").parameters.get(ParameterId::CoulombTorque)
+        fit.parameters.get(ParameterId::CoulombTorque)
     };
     let clean = level(&log(|_, _| ()), Loss::Squares);
     for loss in [Loss::Squares, Loss::Huber] {

@@ -27,7 +27,7 @@ fn fitted(model: &str, torque: impl Fn(usize, &Sample<f64>) -> f64) -> Outcome {
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let spec = Spec::parse(model).expect("a model");
     let base = spec.parameters().expect("parameters");
-    identify(&spec, &base, rows, rows, &FitOptions::default()).expect("a fit")
+    identify(&spec, &base, rows, rows, &FitOptions::default())
 }
 
 fn result(outcome: &Outcome, id: Id) -> (State, Option<Reason>) {

@@ -46,7 +46,7 @@ fn fitted(world: &World) -> Outcome {
     let spec = Spec::law(LawKind::Lugre);
     let base = spec.parameters().expect("parameters");
     let options = FitOptions { passive: true, ..FitOptions::default() };
-    identify(&spec, &base, rows(&train), rows(&test), &options).expect("a fit")
+    identify(&spec, &base, rows(&train), rows(&test), &options)
 }
 
 /// Errors of a fit in standard errors, for each parameter of LuGre; `None` where it is not determined.

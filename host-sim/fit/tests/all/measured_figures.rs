@@ -319,7 +319,6 @@ fn fit(
     let base = spec.parameters().expect("few terms");
     let rows = |tracks| Rows { tracks, decimate };
     let outcome = identify(&spec, &base, rows(train), rows(test), &FitOptions::default());
-    let outcome = outcome.expect("a fit");
     figures(case, outcome.train, outcome.test)
 }
 

@@ -274,7 +274,7 @@ fn fit(input: &Prepared, model: &Spec) -> Result<Outcome, Error> {
     let spec = model.clone().on(&input.rigid_body);
     let base = spec.parameters()?;
     let options = FitOptions { passive: true, ..FitOptions::default() };
-    Ok(identify(&spec, &base, input.train_rows(), input.test_rows(), &options)?)
+    Ok(identify(&spec, &base, input.train_rows(), input.test_rows(), &options))
 }
 
 /// Returns the parameters of these names that the data determine.

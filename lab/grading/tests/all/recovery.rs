@@ -42,7 +42,7 @@ fn fit(truth: &Truth, model: &str) -> Outcome {
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let spec = Spec::parse(model).unwrap();
     let options = FitOptions { starts: 1, ..FitOptions::default() };
-    identify(&spec, &spec.parameters().unwrap(), rows, rows, &options).unwrap()
+    identify(&spec, &spec.parameters().unwrap(), rows, rows, &options)
 }
 
 fn true_value(truth: &Truth, id: Id) -> f64 {
@@ -129,7 +129,7 @@ fn identify_with_steady_sliding_reports_bristles_not_determined() {
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let spec = Spec::parse("lugre").unwrap();
     let base = spec.parameters().unwrap();
-    let outcome = identify(&spec, &base, rows, rows, &FitOptions::default()).unwrap();
+    let outcome = identify(&spec, &base, rows, rows, &FitOptions::default());
     let state = |id| outcome.estimates.iter().find(|e| e.id == id).unwrap().state;
     for id in [Id::BristleStiffness, Id::BristleDamping, Id::StribeckVelocity, Id::StaticTorque] {
         assert_ne!(state(id), State::Determined, "{}", id.name());

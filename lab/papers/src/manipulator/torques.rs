@@ -76,8 +76,7 @@ impl Joint {
         let spec = Spec::law(law).on(&self.rigid_body);
         let base = spec.parameters().map_err(PaperError::source)?;
         let options = FitOptions { passive: true, ..FitOptions::default() };
-        identify(&spec, &base, self.train_rows(), self.test_rows(), &options)
-            .map_err(PaperError::source)
+        Ok(identify(&spec, &base, self.train_rows(), self.test_rows(), &options))
     }
 
     /// Fits by the paper's protocol. The rigid-body terms keep the values of a proper fit of the linear law, because the paper

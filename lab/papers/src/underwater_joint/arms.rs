@@ -87,7 +87,7 @@ fn fit_arm(name: &'static str, spec: &str, data: &[&Dataset]) -> Result<DriverAr
     // A joint driver requires a passive law.
     let options = FitOptions { passive: true, starts: 2, ..FitOptions::default() };
     let parameters = spec.parameters().map_err(PaperError::source)?;
-    let fit = identify(&spec, &parameters, rows, rows, &options).map_err(PaperError::source)?;
+    let fit = identify(&spec, &parameters, rows, rows, &options);
     Ok(arm_from_fit(name, fit))
 }
 
@@ -129,7 +129,7 @@ fn diagnosed_arm(diagnosis: &Diagnosis, data: &Dataset) -> Result<DriverArm, Pap
     let follows = diagnosis.auxiliary.as_deref();
     let tracks = friction_fit::tracks_with(data, follows);
     let rows = Rows { tracks: &tracks, decimate: 1 };
-    let fit = identify(&found.spec, &start, rows, rows, &options).map_err(PaperError::source)?;
+    let fit = identify(&found.spec, &start, rows, rows, &options);
     Ok(arm_from_fit(DIAGNOSED, fit))
 }
 
