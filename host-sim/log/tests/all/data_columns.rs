@@ -105,6 +105,18 @@ fn survey_with_step_column_suggests_to_add_it_up() {
 }
 
 #[test]
+fn read_with_apostrophe_in_name_proposes_the_name_unquoted() {
+    let row = |row: u32| {
+        let t = 0.005 * f64::from(row);
+        let (q, v) = (2.0 * (3.0 * t).sin(), 6.0 * (3.0 * t).cos());
+        format!("{t:.5},{:.5},{:.5},{:.5}\n", q.to_degrees(), v * 60.0 / TAU, v.signum())
+    };
+    let text = "time,angle,motor's speed,T\n".to_owned() + &(0..400).map(row).collect::<String>();
+    let error = read_log(&text, &[]).unwrap_err();
+    message::require(&error, &["position_rad=angle:deg,velocity_rad_s=motor's speed:rpm"]);
+}
+
+#[test]
 fn read_with_groups_above_the_names_joins_both() {
     let rows: String =
         (0..50).map(|row| format!("{}.0,{row},1,2,{row},3,4\n", 0.01 * f64::from(row))).collect();
