@@ -4,8 +4,8 @@
 //! their units. Friction has the sign of the velocity. A guess is only a suggestion of what to type.
 
 use super::clock_fault::is_step_column;
+use super::column_pair::ColumnPair;
 use super::contract::TIME;
-use super::naming::STEP_MARK;
 use super::size::{self, MotionSample, MotionUnits};
 use super::statistics::{correlation, median};
 
@@ -22,16 +22,39 @@ const MIN_ROWS: usize = 20;
 const MIN_REGULAR_STEPS: f64 = 0.8;
 
 /// Units of time, each with its length, s, and the steps that suggest it.
-const CLOCK_UNITS: [(&str, f64, std::ops::Range<f64>); 4] = [
-    ("", 1.0, 1e-5..0.15),
-    (":ms", 1e-3, 0.15..60.0),
-    (":us", 1e-6, 60.0..1e5),
-    (":ns", 1e-9, 1e5..1e9),
+const CLOCK_UNITS: [(Option<&str>, f64, std::ops::Range<f64>); 4] = [
+    (None, 1.0, 1e-5..0.15),
+    (Some("ms"), 1e-3, 0.15..60.0),
+    (Some("us"), 1e-6, 60.0..1e5),
+    (Some("ns"), 1e-9, 1e5..1e9),
 ];
 
-/// Returns for each column the contract names that it may hold, with their units; the most probable first.
-pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<String>> {
-    let mut found: Vec<Vec<String>> = vec![Vec::new(); columns.len()];
+/// A quantity that a column may hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct QuantityGuess {
+    /// Its contract name.
+    pub quantity: &'static str,
+    /// Unit of the values; `None` for that of the contract.
+    pub unit: Option<&'static str>,
+    /// True if the values are the steps between the rows.
+    pub is_step: bool,
+}
+
+impl QuantityGuess {
+    const fn new(quantity: &'static str, unit: Option<&'static str>) -> Self {
+        Self { quantity, unit, is_step: false }
+    }
+
+    /// Returns the pair of a column by its number.
+    pub fn pair(self, number: &str) -> ColumnPair {
+        let pair = ColumnPair::new(self.quantity, number, self.unit);
+        ColumnPair { is_step: self.is_step, is_numbered: true, ..pair }
+    }
+}
+
+/// Returns for each column the quantities that it may hold; the most probable first.
+pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<QuantityGuess>> {
+    let mut found: Vec<Vec<QuantityGuess>> = vec![Vec::new(); columns.len()];
     if columns.iter().map(Vec::len).min().unwrap_or_default() < MIN_ROWS {
         return found;
     }
@@ -43,8 +66,8 @@ pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<String>> {
     let clock = stamps.or_else(|| has_others.then(steps).flatten());
     // The times in s; none for a column of steps, and without a clock.
     let mut times: Vec<Option<Vec<f64>>> = vec![None];
-    if let Some((at, (name, length_s))) = &clock {
-        found[*at].push(name.clone());
+    if let Some((at, (guess, length_s))) = &clock {
+        found[*at].push(*guess);
         let scaled = |length_s: f64| -> Option<Vec<f64>> {
             Some(columns[*at].iter().map(|t| t * length_s).collect())
         };
@@ -65,13 +88,15 @@ pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<String>> {
             let place = times.iter().position(|time| units(time).is_by_ratio).unwrap_or_default();
             let (time, units) = (times[place].as_deref(), units(&times[place]));
             if let (Some((at, _)), 1..) = (&clock, place) {
-                found[*at] = vec![TIME.into()];
+                found[*at] = vec![QuantityGuess::new(TIME, None)];
             }
             // A voltage follows the velocity in no known ratio.
             let is_velocity = units.is_by_ratio || time.is_none();
-            found[q].extend(units.all.iter().map(|[_, unit]| named("position_rad", unit)));
+            let units = || units.all.iter().copied();
+            found[q].extend(units().map(|[_, unit]| QuantityGuess::new("position_rad", unit)));
             if is_velocity {
-                found[v].extend(units.all.iter().map(|[unit, _]| named("velocity_rad_s", unit)));
+                found[v]
+                    .extend(units().map(|[unit, _]| QuantityGuess::new("velocity_rad_s", unit)));
             }
             free.retain(|at| found[*at].is_empty() && *at != v);
             let of_position = || derivative(&columns[q], time);
@@ -85,22 +110,23 @@ pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<String>> {
     };
     let is_only = motion.is_some() && free.len() == 1;
     let Some((torque, number, of)) = torque(columns, &free, &signs, is_only) else { return found };
-    found[torque].push("torque_nm".into());
+    found[torque].push(QuantityGuess::new("torque_nm", None));
     if found[of].is_empty() {
-        found[of] = names_of_motion(&columns[of], number % 2 == 0);
+        found[of] = guesses_of_motion(&columns[of], number % 2 == 0);
     }
     found
 }
 
-/// Returns the contract name of a velocity or a position without the other, with its possible units.
-fn names_of_motion(values: &[f64], is_velocity: bool) -> Vec<String> {
+/// Returns a velocity or a position without the other, in its possible units.
+fn guesses_of_motion(values: &[f64], is_velocity: bool) -> Vec<QuantityGuess> {
     let (velocity, position) =
         if is_velocity { (Some(values), None) } else { (None, Some(values)) };
     let units = size::motion_units(MotionSample { velocity, position, ..MotionSample::default() });
-    let name = |[v, q]: &MotionUnits| {
-        if is_velocity { named("velocity_rad_s", v) } else { named("position_rad", q) }
+    let guess = |[v, q]: &MotionUnits| match is_velocity {
+        true => QuantityGuess::new("velocity_rad_s", *v),
+        false => QuantityGuess::new("position_rad", *q),
     };
-    units.all.iter().map(name).collect()
+    units.all.iter().map(guess).collect()
 }
 
 /// Returns the columns of a position and a velocity that follows its derivative best.
@@ -136,28 +162,23 @@ fn fit(x: &[f64], y: &[f64]) -> f64 {
     correlation(x.iter().copied().zip(y.iter().copied()))
 }
 
-/// Returns a contract name with a unit.
-fn named(name: &str, unit: &Option<&str>) -> String {
-    unit.map_or_else(|| name.to_owned(), |unit| format!("{name}:{unit}"))
-}
-
-/// Returns the unit of a column of times, by its step.
-fn clock_unit(step: f64) -> Option<(&'static str, f64)> {
+/// Returns the unit of a column of times and its length, s, by the step of the times.
+fn clock_unit(step: f64) -> Option<(Option<&'static str>, f64)> {
     let unit = CLOCK_UNITS.iter().find(|(.., steps)| steps.contains(&step));
     unit.map(|(unit, length_s, _)| (*unit, *length_s))
 }
 
-/// Returns the name of a column that holds steps, with its unit.
-fn step(values: &[f64]) -> Option<(String, Option<f64>)> {
+/// Returns the time of a column that holds steps.
+fn step(values: &[f64]) -> Option<(QuantityGuess, Option<f64>)> {
     if !is_step_column(values) {
         return None;
     }
     let (unit, _) = clock_unit(median(&mut values.to_vec())?)?;
-    Some((format!("{TIME}{unit}:{STEP_MARK}"), None))
+    Some((QuantityGuess { is_step: true, ..QuantityGuess::new(TIME, unit) }, None))
 }
 
-/// Returns the name of a time column with its unit, and the length of the unit, s.
-fn clock(values: &[f64]) -> Option<(String, Option<f64>)> {
+/// Returns the time of a column of times, and the length of its unit, s.
+fn clock(values: &[f64]) -> Option<(QuantityGuess, Option<f64>)> {
     let mut steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if steps.iter().any(|step| *step < 0.0) {
         return None;
@@ -169,7 +190,7 @@ fn clock(values: &[f64]) -> Option<(String, Option<f64>)> {
         return None;
     }
     let (unit, length_s) = clock_unit(median)?;
-    Some((format!("{TIME}{unit}"), Some(length_s)))
+    Some((QuantityGuess::new(TIME, unit), Some(length_s)))
 }
 
 /// Returns the derivative of a column over two rows, in units per second, or per row without a time.
@@ -187,14 +208,18 @@ fn derivative(values: &[f64], time: Option<&[f64]>) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    fn columns(of: &[fn(f64) -> f64]) -> Vec<Vec<String>> {
+    fn columns(of: &[fn(f64) -> f64]) -> Vec<Vec<QuantityGuess>> {
         let columns: Vec<Vec<f64>> =
             of.iter().map(|of| (0..400).map(|row| of(0.005 * f64::from(row))).collect()).collect();
         guesses(&columns)
     }
 
-    fn names(found: &[Vec<String>]) -> Vec<&str> {
-        found.iter().map(|names| names.first().map_or("-", String::as_str)).collect()
+    /// Returns the most probable quantity and unit of each column; empty texts for none.
+    fn first(found: &[Vec<QuantityGuess>]) -> Vec<(&'static str, &'static str)> {
+        let first = |guesses: &Vec<QuantityGuess>| {
+            guesses.first().map_or(("", ""), |of| (of.quantity, of.unit.unwrap_or_default()))
+        };
+        found.iter().map(first).collect()
     }
 
     const POSITION: fn(f64) -> f64 = |t| 2.0 * (3.0 * t).sin();
@@ -204,31 +229,38 @@ mod tests {
     #[test]
     fn guesses_with_all_quantities_finds_each_in_any_order() {
         let found = columns(&[TORQUE, |_| 3.0, POSITION, |t| 1e3 * t, VELOCITY]);
-        assert_eq!(
-            names(&found),
-            ["torque_nm", "-", "position_rad", "time_s:ms", "velocity_rad_s"]
-        );
+        let expected = [
+            ("torque_nm", ""),
+            ("", ""),
+            ("position_rad", ""),
+            ("time_s", "ms"),
+            ("velocity_rad_s", ""),
+        ];
+        assert_eq!(first(&found), expected);
+        assert!(!found[3][0].is_step);
     }
 
     #[test]
     fn guesses_with_other_units_names_them() {
         let found =
             columns(&[|t| t, |t| POSITION(t).to_degrees(), |t| VELOCITY(t) * 9.549_297, TORQUE]);
-        assert_eq!(
-            names(&found),
-            ["time_s", "position_rad:deg", "velocity_rad_s:rpm", "torque_nm"]
-        );
+        let expected =
+            [("time_s", ""), ("position_rad", "deg"), ("velocity_rad_s", "rpm"), ("torque_nm", "")];
+        assert_eq!(first(&found), expected);
         let found = columns(&[|_| 5000.0, VELOCITY, TORQUE]);
-        assert_eq!(names(&found), ["time_s:us:step", "velocity_rad_s", "torque_nm"]);
+        let expected = [("time_s", "us"), ("velocity_rad_s", ""), ("torque_nm", "")];
+        assert_eq!(first(&found), expected);
+        assert_eq!(
+            found.concat().iter().map(|of| of.is_step).collect::<Vec<_>>(),
+            [true, false, false]
+        );
     }
 
     #[test]
     fn guesses_with_position_and_torque_alone_finds_them() {
-        assert_eq!(
-            names(&columns(&[|t| t, POSITION, TORQUE])),
-            ["time_s", "position_rad", "torque_nm"]
-        );
-        assert_eq!(names(&columns(&[|_| 1.0, |_| 2.0])), ["-", "-"]);
+        let expected = [("time_s", ""), ("position_rad", ""), ("torque_nm", "")];
+        assert_eq!(first(&columns(&[|t| t, POSITION, TORQUE])), expected);
+        assert!(columns(&[|_| 1.0, |_| 2.0]).iter().all(Vec::is_empty));
         assert!(guesses(&[vec![1.0; 3], vec![2.0; 3]]).iter().all(Vec::is_empty));
     }
 
@@ -236,13 +268,15 @@ mod tests {
     fn guesses_with_a_voltage_in_place_of_the_velocity_names_no_velocity() {
         let voltage: fn(f64) -> f64 = |t| 2.1 * VELOCITY(t) + 3.0 * TORQUE(t);
         let found = columns(&[|t| t, POSITION, voltage, TORQUE]);
-        assert_eq!(names(&found), ["time_s", "position_rad", "-", "torque_nm"]);
+        let expected = [("time_s", ""), ("position_rad", ""), ("", ""), ("torque_nm", "")];
+        assert_eq!(first(&found), expected);
     }
 
     #[test]
     fn guesses_of_many_turns_names_both_units() {
         let found = columns(&[|t| t, |t| 1e3 * POSITION(t), |t| 1e3 * VELOCITY(t), TORQUE]);
-        assert_eq!(found[1], ["position_rad", "position_rad:deg"]);
-        assert_eq!(found[2], ["velocity_rad_s", "velocity_rad_s:deg/s"]);
+        let both = |quantity, unit| [None, Some(unit)].map(|of| QuantityGuess::new(quantity, of));
+        assert_eq!(found[1], both("position_rad", "deg"));
+        assert_eq!(found[2], both("velocity_rad_s", "deg/s"));
     }
 }

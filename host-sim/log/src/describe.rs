@@ -1,22 +1,22 @@
 //! The columns of a file with the quantity that each may hold, for `--columns help` and for the error of a file with many columns.
 
 use super::column_names::ColumnNames;
+use super::column_pair::ColumnPair;
 use super::contract::{RUN, TIME};
 use super::error::{DataError, listed};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
-use super::naming::{STEP_MARK, UNKNOWN_UNIT};
-use super::options::{ReadOptions, refers_to};
+use super::naming::UNKNOWN_UNIT;
+use super::options::ReadOptions;
 use super::other_unit::{OtherUnit, other_unit};
 use super::plan::{Purpose, Request};
 use super::preset::Preset;
 use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
-use super::survey::{self, ColumnSummary, Survey};
+use super::survey::{ColumnSummary, Survey, SurveyedColumn, surveyed_columns};
 use super::{guess, torque_constant, unit};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
-use std::iter::repeat;
 use std::path::Path;
 
 /// Number of columns above which an error names only the likely ones. It is the number that a list shows.
@@ -41,19 +41,18 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
         is_wide: false,
         progress: &|_| {},
     };
-    let mut survey = survey::survey(&read_file(request, size)?);
+    let table = read_file(request, size)?;
+    let mut surveyed = surveyed_columns(&table);
     let is_time = |name: &str| guess::quantity(name) == Some("time_s");
-    let times = survey.columns.iter().filter(|column| is_time(&column.name)).count();
+    let times = surveyed.iter().filter(|column| is_time(&column.summary.name)).count();
     let is_torque = |name: &str| {
         let quantity = guess::quantity(name).is_some_and(|of| of.starts_with("torque"));
         quantity && !guess::is_current(name) || name.starts_with("force")
     };
-    let has_torque = survey.columns.iter().any(|column| is_torque(&column.name));
+    let has_torque = surveyed.iter().any(|column| is_torque(&column.summary.name));
     let mut found: Vec<Option<Guess>> = Vec::new();
     let mut doubts = Vec::new();
-    for (column, values) in
-        survey.columns.iter_mut().zip(survey.values.iter().chain(repeat(&Vec::new())))
-    {
+    for SurveyedColumn { summary: column, values } in &mut surveyed {
         let is_symbol = times > 1 && column.name == guess::TORQUE_SYMBOL;
         // A current beside a torque is one of its causes, not another torque.
         let is_cause = has_torque && guess::is_current(&column.name);
@@ -61,11 +60,12 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
             if is_symbol { Some("torque_nm") } else { named_quantity(column, values, &mut doubts) };
         found.push(guess_of(column, quantity.filter(|_| !is_cause), &mut doubts));
     }
-    doubts.extend(of_one_kind(&survey.columns, &mut found));
-    doubts.extend(without_constants(&survey, &mut found));
-    doubts.extend(one_of_each(&survey.columns, &mut found));
-    add_units_by_size(&survey, &mut found);
-    for (column, guess) in survey.columns.iter_mut().zip(&found) {
+    doubts.extend(of_one_kind(&surveyed, &mut found));
+    doubts.extend(without_constants(&surveyed, &mut found));
+    doubts.extend(one_of_each(&surveyed, &mut found));
+    add_units_by_size(&surveyed, &mut found);
+    let mut columns: Vec<ColumnSummary> = surveyed.into_iter().map(|of| of.summary).collect();
+    for (column, guess) in columns.iter_mut().zip(&found) {
         let is_other = |guess: &&Guess| guess.quantity != column.name || guess.is_step;
         let Some(guess) = guess.as_ref().filter(is_other) else { continue };
         // Columns without names have a suggestion by their values.
@@ -73,11 +73,12 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
         let other = |unit: &Option<&str>| guess.pair(&column.name, *unit);
         column.alternatives = guess.other_units.iter().map(other).collect();
     }
-    survey.notes = notes(&survey.columns, &found);
-    survey.notes.extend(doubts);
-    suggest_joints(&mut survey.columns);
-    suggest_preset(file, options, &mut survey);
-    Ok(survey)
+    let preset = Preset::recognise(&table.plan.names);
+    let mut notes = notes(&columns, &found);
+    notes.extend(doubts);
+    suggest_joints(&mut columns);
+    suggest_preset(file, options, preset, &mut columns);
+    Ok(Survey { columns, preset, notes })
 }
 
 /// Returns the quantity that a column may hold by its name and unit. Adds a doubt if they contradict each other.
@@ -131,7 +132,7 @@ fn guess_of(
 
 /// Takes columns without a unit as those of a linear axis, if another column is one of it. Returns a note if the units are those
 /// of both kinds of joint.
-fn of_one_kind(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Option<String> {
+fn of_one_kind(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Option<String> {
     let is_known = |guess: &&Guess| guess.is_known || guess.quantity == "force_n";
     let known = found.iter().flatten().filter(is_known);
     let kinds: Vec<_> = known.filter_map(|guess| Quantity::parse(guess.quantity)?.1).collect();
@@ -142,7 +143,8 @@ fn of_one_kind(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Option
         );
     }
     for (guess, column) in found.iter_mut().zip(columns).filter(|_| has(JointKind::Prismatic)) {
-        let open = guess.as_mut().filter(|guess| !guess.is_known && guess.quantity != column.name);
+        let name = &column.summary.name;
+        let open = guess.as_mut().filter(|guess| !guess.is_known && guess.quantity != name);
         open.into_iter().for_each(|guess| guess.quantity = guess::of_both_kinds(guess.quantity)[1]);
     }
     None
@@ -154,7 +156,7 @@ fn suggest_joints(columns: &mut [ColumnSummary]) {
     let Some(joints) = suggested_map(&names) else { return };
     for column in columns.iter_mut().filter(|column| column.is_numeric()) {
         if let Some(pair) = joints.pair_of(&column.name) {
-            column.suggestion = Some(shell_word(&pair));
+            column.suggestion = Some(pair);
         }
     }
 }
@@ -175,19 +177,17 @@ struct Guess {
 }
 
 impl Guess {
-    /// Returns the pair of `--columns` that reads the column in a unit, as a shell takes it.
-    fn pair(&self, name: &str, unit: Option<&str>) -> String {
-        let unit = unit.map_or_else(String::new, |unit| format!(":{unit}"));
-        let step = if self.is_step { format!(":{STEP_MARK}") } else { String::new() };
-        shell_word(&format!("{}={name}{unit}{step}", self.quantity))
+    /// Returns the pair that reads a column in a unit.
+    fn pair(&self, name: &str, unit: Option<&str>) -> ColumnPair {
+        ColumnPair { is_step: self.is_step, ..ColumnPair::new(self.quantity, name, unit) }
     }
 }
 
 /// Removes the guess for a column whose numbers are all equal and not 0, and not the torque of a log without another: a motor's
 /// torque constant is no torque. Returns a note for each.
-fn without_constants(survey: &Survey, found: &mut [Option<Guess>]) -> Vec<String> {
+fn without_constants(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<String> {
     let mut notes = Vec::new();
-    for ((guess, values), column) in found.iter_mut().zip(&survey.values).zip(&survey.columns) {
+    for (guess, SurveyedColumn { summary: column, values }) in found.iter_mut().zip(columns) {
         let is_moving = |of: &Guess| {
             let quantity = Quantity::parse(of.quantity).map(|(quantity, _)| quantity);
             matches!(quantity, Some(Quantity::Velocity | Quantity::Torque))
@@ -211,8 +211,8 @@ fn without_constants(survey: &Survey, found: &mut [Option<Guess>]) -> Vec<String
 const MIN_CONSTANT_ROWS: usize = 20;
 
 /// Keeps the best guess of each quantity, as `--columns` takes each once. Returns a note for each other column that may hold it.
-fn one_of_each(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Vec<String> {
-    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+fn one_of_each(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<String> {
+    let names: Vec<&str> = columns.iter().map(|column| column.summary.name.as_str()).collect();
     let mut notes = Vec::new();
     if suggested_map(&names).is_some() {
         return notes;
@@ -239,6 +239,7 @@ fn one_of_each(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Vec<St
         });
         if let Some(better) = better {
             let pair = guess.pair(names[at], guess.unit.as_deref());
+            let pair = shell_word(&pair.to_string());
             notes.push(format!("In place of {}, {pair} may be the column.", names[better]));
             found[at] = None;
         }
@@ -247,21 +248,21 @@ fn one_of_each(columns: &[ColumnSummary], found: &mut [Option<Guess>]) -> Vec<St
 }
 
 /// Adds the units that the sizes of the values show, where neither the name nor the file states one.
-fn add_units_by_size(survey: &Survey, found: &mut [Option<Guess>]) {
+fn add_units_by_size(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) {
     let place = |of: &str| {
         let places = found.iter().enumerate().filter_map(|(at, guess)| Some((at, guess.as_ref()?)));
         let mut places = places.filter(|(_, guess)| guess.quantity == of).map(|(at, _)| at);
         // Of several columns, none is the one.
         places.next().filter(|_| places.next().is_none())
     };
-    let values = |at: usize| survey.values.get(at).map_or(&[][..], Vec::as_slice);
+    let values = |at: usize| columns[at].values.as_slice();
     let stated = |at: usize| {
         let guess = found[at].as_ref();
         guess.and_then(|guess| guess.unit.as_deref().or(guess.is_known.then_some("")))
     };
     let (time, position, velocity) =
         (place("time_s"), place("position_rad"), place("velocity_rad_s"));
-    let is_date = |at: &usize| survey.columns[*at].is_date;
+    let is_date = |at: &usize| columns[*at].summary.is_date;
     let time = time.filter(|at| found[*at].as_ref().is_some_and(|guess| !guess.is_step));
     let is_open = |at: &usize| !is_date(at) && stated(*at).is_none();
     let by_rate = time.filter(is_open).and_then(|at| size::time_unit(values(at)));
@@ -359,19 +360,22 @@ fn is_step_name(name: &str) -> bool {
 }
 
 /// Replaces suggestions by those of the preset that the names suggest: it knows the units.
-fn suggest_preset(file: &Path, options: &ReadOptions, survey: &mut Survey) {
-    let Survey { columns, preset, .. } = survey;
+fn suggest_preset(
+    file: &Path,
+    options: &ReadOptions,
+    preset: Option<Preset>,
+    columns: &mut [ColumnSummary],
+) {
     let names = ColumnNames {
         names: columns.iter().map(|column| column.name.clone()).collect(),
         units: columns.iter().map(|column| column.unit.clone().unwrap_or_default()).collect(),
-        is_twincat_scope: *preset == Some(Preset::TwinCatScope),
+        is_twincat_scope: preset == Some(Preset::TwinCatScope),
         is_numbered: false,
     };
     let found = preset.and_then(|preset| preset.columns(file, &names, options).ok());
-    for (ours, theirs) in found.into_iter().flat_map(|found| found.pairs) {
-        let is_it = |column: &&mut ColumnSummary| refers_to(&theirs, &column.name);
-        if let Some(column) = columns.iter_mut().find(is_it) {
-            column.suggestion = Some(shell_word(&format!("{ours}={theirs}")));
+    for pair in found.into_iter().flat_map(|found| found.pairs) {
+        if let Some(column) = columns.iter_mut().find(|column| column.name == pair.column) {
+            column.suggestion = Some(pair);
         }
     }
 }
@@ -431,12 +435,10 @@ fn pair_sets(columns: &[ColumnSummary]) -> Vec<String> {
     let set = |place: usize| {
         let other = |column: &ColumnSummary| {
             let last = column.alternatives.len().min(place);
-            let other = last.checked_sub(1).map(|at| column.alternatives[at].clone());
-            other.or_else(|| column.suggestion.clone())
+            let other = last.checked_sub(1).map(|at| &column.alternatives[at]);
+            other.or(column.suggestion.as_ref()).map(ColumnPair::to_string)
         };
-        // The front end quotes the pairs as a whole.
         let pairs: Vec<String> = columns.iter().filter_map(other).collect();
-        let pairs: Vec<&str> = pairs.iter().map(|pair| pair.trim_matches('\'')).collect();
         pairs.join(",")
     };
     (0..=count).map(set).collect()

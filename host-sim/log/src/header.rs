@@ -221,10 +221,11 @@ pub(super) fn layout(
             None => error,
         });
     };
-    let PresetColumns { mut pairs, note } = preset.columns(file, &names, options)?;
-    pairs.splice(..0, options.columns.iter().cloned());
-    let mut layout =
-        interpret(file, names.names, &ReadOptions { columns: pairs, ..options.clone() })?;
+    let PresetColumns { pairs, note } = preset.columns(file, &names, options)?;
+    let mut options = options.clone();
+    let of_preset = pairs.iter().map(|pair| (pair.quantity.to_owned(), pair.column_in_unit()));
+    options.columns.extend(of_preset);
+    let mut layout = interpret(file, names.names, &options)?;
     layout.notes.extend(note);
     Ok(layout)
 }

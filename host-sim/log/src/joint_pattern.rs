@@ -4,6 +4,7 @@
 //! a text with which every mapped column exists. The velocities and accelerations of the other joints stay in the log
 //! under plain names, as their motion may move this joint. Their other columns are left out.
 
+use super::column_pair::ColumnPair;
 use super::{guess, unit};
 use compensator_core::quantity::Quantity;
 
@@ -146,14 +147,14 @@ impl SuggestedMap {
         Some(unit.map_or_else(|| pattern.clone(), |unit| format!("{pattern}:{unit}")))
     }
 
-    /// Returns the pair of `--columns` for a column of the table.
-    pub fn pair_of(&self, name: &str) -> Option<String> {
+    /// Returns the pair that maps a column of the table, for all joints.
+    pub fn pair_of(&self, name: &str) -> Option<ColumnPair> {
         let fits = |pattern: &str| {
             let joint = Ends::of(pattern).and_then(|ends| ends.joint(name));
             joint.is_some_and(|joint| self.joints.iter().any(|known| known == joint))
         };
-        let (ours, _) = self.pairs.iter().find(|(_, pattern)| fits(pattern))?;
-        Some(format!("{ours}={}", self.pattern(ours)?))
+        let (ours, pattern) = self.pairs.iter().find(|(_, pattern)| fits(pattern))?;
+        Some(ColumnPair::new(ours, pattern, unit::in_name(ours, pattern)))
     }
 }
 

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::cell::CellReader;
 use super::clock::is_date;
+use super::column_pair::STEP_MARK;
 use super::contract::{self, POSITIONS, TARGETS, TIME, VELOCITIES};
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
@@ -307,9 +308,6 @@ fn check_names(file: &Path, names: &[String], is_unmapped: bool) -> Result<(), D
     }
     Ok(())
 }
-
-/// Follows a time column that holds the steps between the rows: `time_s=dt:us:step`.
-pub(super) const STEP_MARK: &str = "step";
 
 /// Stands for a unit that the user must know, in a suggestion.
 pub(super) const UNKNOWN_UNIT: &str = "UNIT";

@@ -11,7 +11,7 @@ use super::row_clock::Timing;
 use std::path::Path;
 
 /// Number of rows that a survey looks at.
-pub(super) const SURVEY_ROWS: usize = 1000;
+pub const SURVEY_ROWS: usize = 1000;
 
 /// What a log is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,6 +11,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::column_names::ColumnNames;
+use super::column_pair::ColumnPair;
 use super::contract::TIME;
 use super::error::{DataError, listed};
 use super::options::ReadOptions;
@@ -22,8 +23,7 @@ use table::{PresetUnit, Rule};
 
 /// The pairs of `--columns` that a preset supplies.
 pub(super) struct PresetColumns {
-    /// Contract name and column name with unit.
-    pub pairs: Vec<(String, String)>,
+    pub pairs: Vec<ColumnPair>,
     /// What was assumed, for the report.
     pub note: Option<String>,
 }
@@ -90,8 +90,8 @@ impl Preset {
                 _ => {}
             }
         }
-        let read: Vec<String> =
-            pairs.iter().map(|(ours, theirs)| format!("{ours} from {theirs}")).collect();
+        let read = |pair: &ColumnPair| format!("{} from {}", pair.quantity, pair.column_in_unit());
+        let read: Vec<String> = pairs.iter().map(read).collect();
         let mut notes = Vec::new();
         if !read.is_empty() {
             notes.push(format!("--from {} reads {}", self.name(), read.join(", ")));
@@ -273,12 +273,11 @@ impl Search<'_> {
     }
 
     /// Returns the pair of `--columns` for a column.
-    fn pair(&self, rule: &Rule, candidate: &Candidate) -> Result<(String, String), DataError> {
+    fn pair(&self, rule: &Rule, candidate: &Candidate) -> Result<ColumnPair, DataError> {
         let unit = self.unit(rule, candidate)?;
         let name = self.name(candidate);
         let column = unit.as_deref().and_then(|unit| rule.in_kind(unit)).unwrap_or(rule.column);
-        let theirs = unit.map_or_else(|| name.to_owned(), |unit| format!("{name}:{unit}"));
-        Ok((column.into(), theirs))
+        Ok(ColumnPair::new(column, name, unit.as_deref()))
     }
 
     fn request(&self, found: String, expected: String) -> DataError {
@@ -310,7 +309,7 @@ impl Search<'_> {
         let pair = |(rule, found): &(&Rule, Vec<Candidate>)| {
             let of_joint = found.iter().find(|of| Some(&of.joint) == joint).unwrap_or(&found[0]);
             match self.pair(rule, of_joint) {
-                Ok((ours, theirs)) => format!("{ours}={theirs}"),
+                Ok(pair) => pair.to_string(),
                 Err(_) => format!("{}={}:UNIT", rule.column, self.name(of_joint)),
             }
         };

@@ -3,6 +3,7 @@
 use super::clock::is_date;
 use super::clock_fault::is_step_column;
 use super::column_guess::guesses;
+use super::column_pair::ColumnPair;
 use super::columns::is_missing_value;
 use super::error::one_line;
 use super::log_table::LogTable;
@@ -23,10 +24,8 @@ pub struct Survey {
     pub columns: Vec<ColumnSummary>,
     /// The tool that probably wrote the file.
     pub preset: Option<Preset>,
-    /// What else to type, one sentence each. A front end words the settings in them ([`worded`](super::setting::worded)).
+    /// Notes for the user, one sentence each. A front end words the settings in them ([`worded`](super::setting::worded)).
     pub notes: Vec<String>,
-    /// The numbers of each column among the first rows; NaN for other cells.
-    pub(super) values: Vec<Vec<f64>>,
 }
 
 /// A column of a file.
@@ -36,7 +35,7 @@ pub struct ColumnSummary {
     pub name: String,
     /// The first distinct values, as text.
     pub samples: Vec<String>,
-    /// Number of numeric cells among the first thousand rows.
+    /// Number of numeric cells among the first [`SURVEY_ROWS`] rows.
     pub numbers: usize,
     /// Number of cells with other text among these rows.
     pub texts: usize,
@@ -44,10 +43,10 @@ pub struct ColumnSummary {
     pub is_date: bool,
     /// The unit at the end of its name, or the one that the file states.
     pub unit: Option<String>,
-    /// The pair of `--columns` that may read it.
-    pub suggestion: Option<String>,
+    /// The pair that may read it.
+    pub suggestion: Option<ColumnPair>,
     /// Pairs that may read it instead: the sizes of the values do not show its unit.
-    pub alternatives: Vec<String>,
+    pub alternatives: Vec<ColumnPair>,
     /// True if its values may be the steps between rows.
     pub is_step: bool,
 }
@@ -59,29 +58,37 @@ impl ColumnSummary {
     }
 }
 
-/// Describes the columns of a table by its first rows. Columns without names in the file are suggested by their values.
-pub(super) fn survey(table: &LogTable) -> Survey {
-    let names = &table.plan.names;
-    let rows = table.lines.len().min(SURVEY_ROWS);
-    let mut survey = Survey { preset: Preset::recognise(names), ..Survey::default() };
-    for (at, (name, cells)) in names.names.iter().zip(&table.columns).enumerate() {
-        let values: Vec<f64> = (0..rows).map(|row| cells.number(row).unwrap_or(f64::NAN)).collect();
-        let mut column = summary(name, cells, rows);
-        column.is_step = is_step_column(&values);
-        column.unit = names.units.get(at).filter(|unit| !unit.is_empty()).cloned();
-        survey.columns.push(column);
-        survey.values.push(values);
-    }
-    let guesses = if names.is_numbered { guesses(&survey.values) } else { Vec::new() };
-    for (column, guesses) in survey.columns.iter_mut().zip(guesses) {
-        let mut pairs = guesses.into_iter().map(|guess| format!("{}={guess}", column.name));
-        column.suggestion = pairs.next();
-        column.alternatives = pairs.collect();
-    }
-    survey
+/// A column with the values by which its quantity is guessed.
+pub(super) struct SurveyedColumn {
+    pub summary: ColumnSummary,
+    /// The numbers among the first rows; NaN for other cells.
+    pub values: Vec<f64>,
 }
 
-/// Returns the sample values of a column.
+/// Describes the columns of a table by its first rows. Columns without names in the file are suggested by their values.
+pub(super) fn surveyed_columns(table: &LogTable) -> Vec<SurveyedColumn> {
+    let names = &table.plan.names;
+    let rows = table.lines.len().min(SURVEY_ROWS);
+    let numbers = |cells: &Cells| -> Vec<f64> {
+        (0..rows).map(|row| cells.number(row).unwrap_or(f64::NAN)).collect()
+    };
+    let values: Vec<Vec<f64>> = table.columns.iter().map(|cells| numbers(cells)).collect();
+    let guesses = if names.is_numbered { guesses(&values) } else { Vec::new() };
+    let mut guesses = guesses.into_iter();
+    let mut columns = Vec::new();
+    for (index, (name, values)) in names.names.iter().zip(values).enumerate() {
+        let mut summary = summary(name, &table.columns[index], rows);
+        summary.is_step = is_step_column(&values);
+        summary.unit = names.units.get(index).filter(|unit| !unit.is_empty()).cloned();
+        let mut pairs = guesses.next().unwrap_or_default().into_iter().map(|of| of.pair(name));
+        summary.suggestion = pairs.next();
+        summary.alternatives = pairs.collect();
+        columns.push(SurveyedColumn { summary, values });
+    }
+    columns
+}
+
+/// Summarises the first `rows` cells of a column.
 fn summary(name: &str, cells: &Cells, rows: usize) -> ColumnSummary {
     let mut column = ColumnSummary { name: name.to_owned(), ..ColumnSummary::default() };
     for row in 0..rows {
@@ -105,4 +112,33 @@ fn summary(name: &str, cells: &Cells, rows: usize) -> ColumnSummary {
         }
     }
     column
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summary_of_cells_returns_samples_counts_and_date() {
+        let long = "twenty characters are shown";
+        let summarised = |cells: &[&str]| {
+            let cells = Cells::Texts(cells.iter().map(|cell| (*cell).to_owned()).collect());
+            let column = summary("column", &cells, cells.len());
+            (column.samples.join("|"), column.numbers, column.texts, column.is_date)
+        };
+        for (cells, samples, numbers, texts, is_date) in [
+            (&["1", "1", "2", "1", "3", "4"][..], "1|2|3", 6, 0, false),
+            (&["", "nan", "5", "-"], "5", 1, 0, false),
+            (&[long, long, "on"], "twenty characters ar|on", 0, 3, false),
+            (&["2026-11-25 10:00:00", "on", "1"], "2026-11-25 10:00:00|on|1", 1, 2, true),
+            (&["on", "2026-11-25 10:00:00"], "on|2026-11-25 10:00:00", 0, 2, false),
+            (&["1", "2026-11-25 10:00:00"], "1|2026-11-25 10:00:00", 1, 1, true),
+            (&[], "", 0, 0, false),
+        ] {
+            let expected = (samples.to_owned(), numbers, texts, is_date);
+            assert_eq!(summarised(cells), expected, "{cells:?}");
+        }
+        let cells = Cells::Numbers(vec![1.0, 2.0, 3.0]);
+        assert_eq!(summary("column", &cells, 2).samples, ["1", "2"], "of the first rows only");
+    }
 }

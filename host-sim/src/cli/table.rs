@@ -9,6 +9,7 @@ use friction_results::fleet::JointSummary;
 use friction_results::ranking::{gain, left_out_in_words, ranking};
 use friction_results::scope::SignalSummary;
 use joint_log::number::{figure, significant};
+use joint_log::setting::shell_word;
 use joint_log::{Dataset, Survey};
 use std::fmt::Display;
 use std::path::Path;
@@ -102,8 +103,8 @@ pub fn columns(file: &Path, survey: &Survey) -> String {
             (false, false) => format!("text: {}", column.samples.join(", ")),
         };
         let unit = column.unit.clone().unwrap_or_default();
-        let pairs: Vec<&str> =
-            column.suggestion.iter().chain(&column.alternatives).map(String::as_str).collect();
+        let pairs = column.suggestion.iter().chain(&column.alternatives);
+        let pairs: Vec<String> = pairs.map(|pair| shell_word(&pair.to_string())).collect();
         let suggestion = pairs.join(" or ");
         table.add_row(vec![column.name.clone(), values, unit, suggestion]);
     }

@@ -2,9 +2,9 @@
 
 use crate::clean::{Cleaner, OpenRun};
 use crate::clock_fault::{ClockFault, clock_fault};
+use crate::column_pair::ColumnPair;
 use crate::contract::TIME;
 use crate::error::DataError;
-use crate::naming::STEP_MARK;
 use crate::number::figure;
 use crate::setting::Setting;
 use crate::unit::conversion;
@@ -87,18 +87,17 @@ impl Cleaner<'_> {
     }
 
     /// Returns the pair of `--columns` that reads a column as steps, and the step, s. `step_s` is the step as it was read.
-    fn step_pair(&self, column: &str, step_s: f64) -> Option<(String, f64)> {
+    fn step_pair(&self, column: &str, step_s: f64) -> Option<(ColumnPair, f64)> {
         let source = self.layout.sources.iter().find(|source| source.name == TIME);
         let unit = source.and_then(|source| source.unit.as_deref());
         let is_plausible = |step_s: &f64| PLAUSIBLE_STEPS_S.contains(step_s);
+        let pair = |unit| ColumnPair { is_step: true, ..ColumnPair::new(TIME, column, unit) };
         if is_plausible(&step_s) {
-            let unit = unit.map_or_else(String::new, |unit| format!(":{unit}"));
-            return Some((format!("{TIME}={column}{unit}:{STEP_MARK}"), step_s));
+            return Some((pair(unit), step_s));
         }
         STEP_UNITS.iter().filter(|_| unit.is_none_or(|unit| unit == "s")).find_map(|unit| {
             let step_s = conversion(TIME, unit).ok()?.apply(step_s);
-            let pair = format!("{TIME}={column}:{unit}:{STEP_MARK}");
-            is_plausible(&step_s).then_some((pair, step_s))
+            is_plausible(&step_s).then(|| (pair(Some(unit)), step_s))
         })
     }
 }

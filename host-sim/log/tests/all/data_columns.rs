@@ -2,7 +2,9 @@
 
 use super::folder::{Folder, plain};
 use super::message;
-use joint_log::{Dataset, JointKind, Quantity, ReadOptions, read, survey};
+use joint_log::{
+    ColumnPair, ColumnSummary, Dataset, JointKind, Quantity, ReadOptions, read, survey,
+};
 use std::f64::consts::TAU;
 
 /// Rows of time, position, a constant, velocity in degrees per second, and torque.
@@ -24,6 +26,11 @@ fn read_log(text: &str, pairs: &[&str]) -> Result<Dataset, String> {
         ReadOptions { columns: pairs.iter().map(pair).collect(), ..ReadOptions::default() };
     let path = folder.write("log.csv", text);
     read(&[path], &options, &|_, _| {}).map_err(|error| plain(&folder, &error))
+}
+
+/// Returns the suggested pair of a column as `--columns` takes it.
+fn suggestion(column: &ColumnSummary) -> Option<String> {
+    column.suggestion.as_ref().map(ColumnPair::to_string)
 }
 
 #[test]
@@ -68,8 +75,8 @@ fn survey_without_header_numbers_columns() {
     let folder = Folder::new();
     let path = folder.write("log.csv", rows(","));
     let columns = survey(&path, &ReadOptions::default()).unwrap().columns;
-    let found: Vec<(&str, Option<&str>)> =
-        columns.iter().map(|column| (&*column.name, column.suggestion.as_deref())).collect();
+    let found: Vec<(&str, Option<String>)> =
+        columns.iter().map(|column| (&*column.name, suggestion(column))).collect();
     let expected = [
         ("1", Some("1=time_s")),
         ("2", Some("2=position_rad")),
@@ -77,7 +84,15 @@ fn survey_without_header_numbers_columns() {
         ("4", Some("4=velocity_rad_s:deg/s")),
         ("5", Some("5=torque_nm")),
     ];
-    assert_eq!(found, expected);
+    assert_eq!(found, expected.map(|(name, pair)| (name, pair.map(str::to_owned))));
+    let velocity = ColumnPair {
+        quantity: "velocity_rad_s",
+        column: "4".into(),
+        unit: Some("deg/s".into()),
+        is_step: false,
+        is_numbered: true,
+    };
+    assert_eq!(columns[3].suggestion, Some(velocity));
 }
 
 #[test]
@@ -86,7 +101,19 @@ fn survey_with_step_column_suggests_to_add_it_up() {
     let rows = "3500,1,2\n".repeat(50);
     let path = folder.write("log.csv", format!("timestep [us],w,T\n{rows}"));
     let columns = survey(&path, &ReadOptions::default()).unwrap().columns;
-    assert_eq!(columns[0].suggestion.as_deref(), Some("'time_s=timestep [us]:us:step'"));
+    assert_eq!(suggestion(&columns[0]).as_deref(), Some("time_s=timestep [us]:us:step"));
+}
+
+#[test]
+fn read_with_apostrophe_in_name_proposes_the_name_unquoted() {
+    let row = |row: u32| {
+        let t = 0.005 * f64::from(row);
+        let (q, v) = (2.0 * (3.0 * t).sin(), 6.0 * (3.0 * t).cos());
+        format!("{t:.5},{:.5},{:.5},{:.5}\n", q.to_degrees(), v * 60.0 / TAU, v.signum())
+    };
+    let text = "time,angle,motor's speed,T\n".to_owned() + &(0..400).map(row).collect::<String>();
+    let error = read_log(&text, &[]).unwrap_err();
+    message::require(&error, &["position_rad=angle:deg,velocity_rad_s=motor's speed:rpm"]);
 }
 
 #[test]
@@ -262,8 +289,8 @@ fn survey_with_units_in_names_suggests_pairs_that_read_the_log() {
         let text = format!("{header}\n") + &(0..400).map(line).collect::<String>();
         let folder = Folder::new();
         let found = survey(&folder.write("log.csv", &text), &ReadOptions::default()).unwrap();
-        let pairs: Vec<String> = found.columns.into_iter().filter_map(|of| of.suggestion).collect();
-        let pairs: Vec<&str> = pairs.iter().map(|pair| pair.trim_matches('\'')).collect();
+        let pairs: Vec<String> = found.columns.iter().filter_map(suggestion).collect();
+        let pairs: Vec<&str> = pairs.iter().map(String::as_str).collect();
         let data = read_log(&text, &pairs).unwrap_or_else(|error| panic!("{header}: {error}"));
         assert_eq!(
             data.joint,
@@ -295,13 +322,13 @@ fn survey_with_doubtful_units_reports_them() {
             .unwrap()
     };
     let mut reports = String::new();
-    for (header, at, suggestion) in [
+    for (header, at, expected) in [
         ("t,pos_nm,v_m_s,F_N,exp", 1, None),
         ("t,x_mm,v_mm_s,force_mn,exp", 3, Some("force_n=force_mn:UNIT")),
         ("t,x_mm,w_rpm,F_N,exp", 2, Some("velocity_rad_s=w_rpm:rpm")),
     ] {
         let found = surveyed(header);
-        assert_eq!(found.columns[at].suggestion.as_deref(), suggestion, "{header}");
+        assert_eq!(suggestion(&found.columns[at]).as_deref(), expected, "{header}");
         assert_eq!(found.columns[4].suggestion, None, "an exponential is no experiment");
         assert_eq!(found.notes.len(), 1, "{header} {:?}", found.notes);
         reports += &format!("{header}: {}\n", found.notes[0]);

@@ -3,7 +3,7 @@
 
 use super::folder::Folder;
 use joint_log::setting::{Message, Reference, Setting};
-use joint_log::{Dataset, ReadOptions, read, survey};
+use joint_log::{ColumnPair, Dataset, ReadOptions, read, survey};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -185,12 +185,13 @@ fn complaints(path: &Path, rows: &[[f64; 4]], is_offered: bool) -> Vec<String> {
     let mut wrong = Vec::new();
     let options = ReadOptions::default();
     let found = survey(path, &options).expect("a table");
-    let bare = |pair: &String| pair.trim_matches('\'').to_owned();
     let sets: Vec<Vec<String>> = found
         .columns
         .iter()
         .filter_map(|column| Some((column.suggestion.as_ref()?, &column.alternatives)))
-        .map(|(first, others)| std::iter::once(first).chain(others).map(bare).collect())
+        .map(|(first, others)| {
+            std::iter::once(first).chain(others).map(ColumnPair::to_string).collect()
+        })
         .collect();
     let most = sets.iter().map(Vec::len).max().unwrap_or_default();
     let set =
