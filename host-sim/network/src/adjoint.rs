@@ -39,13 +39,13 @@ struct Evaluation<const INPUTS: usize> {
 /// Returns half the mean squared error of a track, in units of `scale` (Nm or N), and adds its derivative by every weight to
 /// `gradient`.
 pub(super) fn loss<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
+    law: &NetworkLaw<INPUTS>,
     track: &Track,
     scale: f64,
     gradient: &mut [f64],
 ) -> f64 {
-    let (steps, evaluations, errors) = forward(supplied, track, scale);
-    backward(supplied, &steps, &evaluations, &errors, gradient);
+    let (steps, evaluations, errors) = forward(law, track, scale);
+    backward(law, &steps, &evaluations, &errors, gradient);
     let rows = track.len().max(1) as f64;
     // Each error is the derivative of the loss by the torque of its row.
     errors.iter().map(|error| 0.5 * error * error).sum::<f64>() * scale * scale * rows
@@ -54,26 +54,26 @@ pub(super) fn loss<const INPUTS: usize>(
 type ForwardPass<const INPUTS: usize> = (Vec<LawStep>, Vec<Evaluation<INPUTS>>, Vec<f64>);
 
 fn forward<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
+    law: &NetworkLaw<INPUTS>,
     track: &Track,
     scale: f64,
 ) -> ForwardPass<INPUTS> {
-    let law = supplied.law::<Dual<LAW_DERIVATIVES>>(track);
-    let mut held = supplied.held_at_start(track);
+    let lugre = law.lugre::<Dual<LAW_DERIVATIVES>>(track);
+    let mut held = law.held_at_start(track);
     let mut state = NetworkState::<f64, CELLS>::default();
     let (mut steps, mut evaluations, mut errors) = (Vec::new(), Vec::new(), Vec::new());
     let per_row = 1.0 / (scale * scale * track.len().max(1) as f64);
     let mut factors = dual_factors(&state.factors);
     for row in 0..track.len() {
-        if row % supplied.every == 0 {
-            evaluations.push(evaluate(supplied, &mut state, &supplied.read(track, row, held)));
+        if row % law.rows_per_evaluation == 0 {
+            evaluations.push(evaluate(law, &mut state, &law.read(track, row, held)));
             factors = dual_factors(&state.factors);
         }
         let mut torque = Dual::default();
-        for step in 0..supplied.substeps {
+        for step in 0..law.substeps {
             let mut bristle = Dual::parameter(held, 0);
-            let velocity = Dual::from_f64(supplied.velocity(track, row, step));
-            torque = law.step(&mut bristle, velocity, &factors);
+            let velocity = Dual::from_f64(law.velocity(track, row, step));
+            torque = lugre.step(&mut bristle, velocity, &factors);
             steps.push(LawStep { held: bristle.gradient, torque: torque.gradient });
             held = bristle.value;
         }
@@ -92,11 +92,11 @@ fn dual_factors(factors: &Factors<f64>) -> Factors<Dual<LAW_DERIVATIVES>> {
 
 /// Evaluates the core's network and records the intermediate values.
 fn evaluate<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
+    law: &NetworkLaw<INPUTS>,
     state: &mut NetworkState<f64, CELLS>,
     inputs: &[f64; INPUTS],
 ) -> Evaluation<INPUTS> {
-    let network = &supplied.network;
+    let network = &law.network;
     let (before, from) = (state.hidden, state.factors.to_array());
     let trace = network.evaluate_traced(state, inputs, true);
     let targets = trace.targets.to_array();
@@ -113,7 +113,7 @@ fn evaluate<const INPUTS: usize>(
 }
 
 fn backward<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
+    law: &NetworkLaw<INPUTS>,
     steps: &[LawStep],
     evaluations: &[Evaluation<INPUTS>],
     errors: &[f64],
@@ -124,22 +124,22 @@ fn backward<const INPUTS: usize>(
     let mut by_output = [0.0; CELLS];
     let mut by_cell = [0.0; CELLS];
     for row in (0..errors.len()).rev() {
-        for step in (0..supplied.substeps).rev() {
-            let at = &steps[row * supplied.substeps + step];
-            let error = if step + 1 == supplied.substeps { errors[row] } else { 0.0 };
+        for step in (0..law.substeps).rev() {
+            let at = &steps[row * law.substeps + step];
+            let error = if step + 1 == law.substeps { errors[row] } else { 0.0 };
             for (factor, by) in by_factors.iter_mut().enumerate() {
                 *by += error * at.torque[1 + factor] + by_held * at.held[1 + factor];
             }
             by_held = error * at.torque[0] + by_held * at.held[0];
         }
-        if row % supplied.every == 0 {
-            let at = &evaluations[row / supplied.every];
-            let by_sums = back_through_factors(supplied, at, &mut by_factors);
-            back_through_readout(supplied, at, &by_sums, &mut by_output, gradient);
-            let by_inputs = back_through_lstm(supplied, at, &mut by_output, &mut by_cell, gradient);
-            for (index, input) in supplied.inputs.iter().enumerate() {
+        if row % law.rows_per_evaluation == 0 {
+            let at = &evaluations[row / law.rows_per_evaluation];
+            let by_sums = back_through_factors(law, at, &mut by_factors);
+            back_through_readout(law, at, &by_sums, &mut by_output, gradient);
+            let by_inputs = back_through_lstm(law, at, &mut by_output, &mut by_cell, gradient);
+            for (index, input) in law.inputs.iter().enumerate() {
                 if *input == NetworkInput::Held && !at.is_limited[index] {
-                    by_held += by_inputs[index] * supplied.network.inputs[index].per_unit;
+                    by_held += by_inputs[index] * law.network.inputs[index].per_unit;
                 }
             }
         }
@@ -149,7 +149,7 @@ fn backward<const INPUTS: usize>(
 /// Propagates derivatives from the active factors to the readout's sums. The remainder in `by_factors` belongs to the previous
 /// factors.
 fn back_through_factors<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
+    law: &NetworkLaw<INPUTS>,
     at: &Evaluation<INPUTS>,
     by_factors: &mut [f64; FACTOR_COUNT],
 ) -> [f64; FACTOR_COUNT] {
@@ -163,13 +163,13 @@ fn back_through_factors<const INPUTS: usize>(
         by_targets[0] += std::mem::take(&mut by_targets[1]);
     }
     std::array::from_fn(|factor| {
-        let bounds = &supplied.network.bounds[factor];
+        let bounds = &law.network.bounds[factor];
         by_targets[factor] * (bounds.most - bounds.least) * sigmoid_slope(at.trace.sums[factor])
     })
 }
 
 fn back_through_readout<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
+    law: &NetworkLaw<INPUTS>,
     at: &Evaluation<INPUTS>,
     by_sums: &[f64; FACTOR_COUNT],
     by_output: &mut [f64; CELLS],
@@ -177,7 +177,7 @@ fn back_through_readout<const INPUTS: usize>(
 ) {
     let begin = CELLS * GATES * (1 + INPUTS + CELLS);
     let rows = gradient[begin..].chunks_exact_mut(1 + CELLS);
-    let weights = &supplied.network.readout.weights;
+    let weights = &law.network.readout.weights;
     for ((row, by_sum), weights) in rows.zip(by_sums).zip(weights) {
         row[0] += by_sum;
         for cell in 0..CELLS {
@@ -190,7 +190,7 @@ fn back_through_readout<const INPUTS: usize>(
 /// Propagates derivatives from outputs and cells after an evaluation to those before it. Returns the derivatives by the scaled
 /// inputs.
 fn back_through_lstm<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
+    law: &NetworkLaw<INPUTS>,
     at: &Evaluation<INPUTS>,
     by_output: &mut [f64; CELLS],
     by_cell: &mut [f64; CELLS],
@@ -213,7 +213,7 @@ fn back_through_lstm<const INPUTS: usize>(
             by * squash(after) * sigmoid_slope(output),
             by_state * sigmoid(input) * squash_slope(candidate),
         ];
-        let weights = &supplied.network.lstm.cells[cell];
+        let weights = &law.network.lstm.cells[cell];
         let Some(gradient) = cells.next() else { continue };
         let (of_inputs, others) = gradient.split_at_mut(GATES * (1 + INPUTS));
         for gate in 0..GATES {
@@ -271,23 +271,23 @@ mod tests {
         let track = track();
         let options = TrainOptions { seed: 3, ..TrainOptions::default() };
         let inputs = [NetworkInput::Covariate(0), NetworkInput::Velocity, NetworkInput::Held];
-        let mut supplied = untrained(&base, inputs, std::slice::from_ref(&track), &options);
+        let mut law = untrained(&base, inputs, std::slice::from_ref(&track), &options);
         let mut weights = Vec::new();
-        supplied.network.for_each_weight(|weight| weights.push(weight));
+        law.network.for_each_weight(|weight| weights.push(weight));
         // The weights are larger than those at the start of training, so that every path has an effect.
         weights.iter_mut().enumerate().for_each(|(i, w)| *w += 0.4 * (i as f64 * 1.7).sin());
-        assert!(supplied.network.set_weights(weights.iter().copied()));
+        assert!(law.network.set_weights(weights.iter().copied()));
         let mut gradient = vec![0.0; weights.len()];
-        let value = loss(&supplied, &track, 5.0, &mut gradient);
-        let plain = super::super::predict(&supplied, &track).torque;
+        let value = loss(&law, &track, 5.0, &mut gradient);
+        let plain = super::super::predict(&law, &track).torque;
         let squares: f64 = plain.iter().zip(&track.torque).map(|(s, m)| (s - m).powi(2)).sum();
         assert!((value - 0.5 * squares / 400.0 / 25.0).abs() < 1e-12 * value);
         let count = gradient.len();
         let mut shifted = |index: usize, by: f64| {
             let mut weights = weights.clone();
             weights[index] += by;
-            supplied.network.set_weights(weights.into_iter());
-            loss(&supplied, &track, 5.0, &mut vec![0.0; count])
+            law.network.set_weights(weights.into_iter());
+            loss(&law, &track, 5.0, &mut vec![0.0; count])
         };
         let mut wrong = 0;
         for (index, derivative) in gradient.iter().enumerate() {

@@ -80,6 +80,9 @@ pub enum NetworkError {
         /// The inputs that the log has.
         known: Vec<String>,
     },
+    /// A training ends with a loss that is no number: a run has such a value, or the weights have diverged.
+    #[error("training: the loss of the last pass is {0}, expected a finite number")]
+    Loss(f64),
 }
 
 impl From<NetworkError> for Error {

@@ -88,7 +88,7 @@ pub fn identify(options: &IdentifyOptions, data: &Prepared) -> Result<Identified
     let training = TrainOptions {
         seed: options.seed,
         epochs: options.epochs,
-        every: (1.0 / (EVALUATION_RATE_HZ * period_s)).round().max(1.0) as usize,
+        rows_per_evaluation: (1.0 / (EVALUATION_RATE_HZ * period_s)).round().max(1.0) as usize,
         substeps: law_substeps(period_s),
         ..TrainOptions::default()
     };
@@ -128,20 +128,20 @@ fn train_network<const INPUTS: usize>(
     progress: &(dyn Fn(TrainingProgress) + Sync),
 ) -> Result<TrainingResult, NetworkError> {
     let options = &task.options;
-    let trained = train(&fit.parameters, inputs, &data.train, options, progress);
-    let TrainedNetwork { mut supplied, epochs, loss, held_out } = trained;
+    let trained = train(&fit.parameters, inputs, &data.train, options, progress)?;
+    let TrainedNetwork { mut law, epochs, loss, held_out } = trained;
     if task.watches_strokes {
-        supplied.set_stroke_range(&data.train);
+        law.set_stroke_range(&data.train);
     }
-    supplied.network.validate()?;
-    let (train, _) = evaluate(&supplied, &data.train);
-    let (test, outside_share) = evaluate(&supplied, &data.test);
+    law.network.validate()?;
+    let (train, _) = evaluate(&law, &data.train);
+    let (test, outside_share) = evaluate(&law, &data.test);
     let period_s = data.train.first().map_or(1e-3, |track| track.period_s);
     let file = NetworkFile {
         inputs: task.names.clone(),
-        network: supplied.network.widened(),
-        period_s: period_s * options.every as f64,
-        strokes: supplied.strokes,
+        network: law.network.widened(),
+        period_s: period_s * options.rows_per_evaluation as f64,
+        strokes: law.strokes,
     };
     let text = file.emit(json!({
         "passes": epochs, "seed": options.seed, "loss": loss, "loss_held_out": held_out,
@@ -150,11 +150,8 @@ fn train_network<const INPUTS: usize>(
 }
 
 /// Returns the error metrics on the tracks and the share of rows outside the trained ranges.
-fn evaluate<const INPUTS: usize>(
-    supplied: &NetworkLaw<INPUTS>,
-    tracks: &[Track],
-) -> (Metrics, f64) {
-    let runs: Vec<_> = tracks.iter().map(|track| predict(supplied, track)).collect();
+fn evaluate<const INPUTS: usize>(law: &NetworkLaw<INPUTS>, tracks: &[Track]) -> (Metrics, f64) {
+    let runs: Vec<_> = tracks.iter().map(|track| predict(law, track)).collect();
     let rows = || tracks.iter().zip(&runs);
     let pairs = rows().flat_map(|(track, run)| {
         let weights = (0..track.len()).map(|row| track.weight(row));

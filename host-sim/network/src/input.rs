@@ -85,14 +85,14 @@ pub struct NetworkLaw<const INPUTS: usize> {
     /// Range of trained strokes ([`NetworkLaw::set_stroke_range`]); `None` during training.
     pub strokes: Option<StrokeRange<f64>>,
     /// Number of rows between evaluations.
-    pub every: usize,
+    pub rows_per_evaluation: usize,
     /// Number of steps of the law per row.
     pub substeps: usize,
 }
 
 impl<const INPUTS: usize> NetworkLaw<INPUTS> {
-    /// Returns the law for the steps of a track, in any number type.
-    pub(super) fn law<T: Real<Setting = T>>(&self, track: &Track) -> AugmentedLugre<T> {
+    /// Returns the friction law for the steps of a track, in any number type.
+    pub(super) fn lugre<T: Real<Setting = T>>(&self, track: &Track) -> AugmentedLugre<T> {
         let period = T::from_f64(track.period_s / self.substeps as f64);
         let model: FrictionModel<T> = self.base.convert::<T>().build_unchecked(period);
         AugmentedLugre::of(&model).expect("a lugre-asymmetric without terms")
@@ -105,19 +105,19 @@ impl<const INPUTS: usize> NetworkLaw<INPUTS> {
 
     /// Returns the bristle torque at the start of a track: the first measured torque, limited to the level.
     pub(super) fn held_at_start(&self, track: &Track) -> f64 {
-        let level = self.law::<f64>(track).largest_held_nm(1.0);
+        let level = self.lugre::<f64>(track).largest_held_nm(1.0);
         track.torque[0].clamp(-level, level)
     }
 
     /// Sets the range of trained strokes from these tracks, without the shortest and the longest 5 % by time.
     pub fn set_stroke_range(&mut self, tracks: &[Track]) {
         let Some(first) = tracks.first() else { return };
-        let period_s = first.period_s * self.every as f64;
+        let period_s = first.period_s * self.rows_per_evaluation as f64;
         let any = StrokeRange { least: 0.0, most: f64::MAX, reversal: REVERSAL_TRAVEL, period_s };
         let mut lengths = Vec::new();
         for track in tracks {
             let mut stroke = StrokeTracker::default();
-            for row in (0..track.len()).step_by(self.every) {
+            for row in (0..track.len()).step_by(self.rows_per_evaluation) {
                 stroke.is_known(track.samples[row].velocity_rad_s, &any);
                 lengths.push(stroke.length());
             }

@@ -22,23 +22,23 @@ pub struct NetworkRun {
 }
 
 /// Simulates a law with a network along a track.
-pub fn predict<const INPUTS: usize>(supplied: &NetworkLaw<INPUTS>, track: &Track) -> NetworkRun {
-    let law = supplied.law::<f64>(track);
-    let mut held = supplied.held_at_start(track);
+pub fn predict<const INPUTS: usize>(law: &NetworkLaw<INPUTS>, track: &Track) -> NetworkRun {
+    let lugre = law.lugre::<f64>(track);
+    let mut held = law.held_at_start(track);
     let mut state = NetworkState::default();
     let mut run = NetworkRun::default();
     let mut stroke = StrokeTracker::default();
     for row in 0..track.len() {
-        if row % supplied.every == 0 {
+        if row % law.rows_per_evaluation == 0 {
             let velocity = track.samples[row].velocity_rad_s;
             let is_known =
-                supplied.strokes.as_ref().is_none_or(|range| stroke.is_known(velocity, range));
-            let inputs = supplied.read(track, row, held);
-            supplied.network.evaluate_guarded(&mut state, &inputs, is_known);
+                law.strokes.as_ref().is_none_or(|range| stroke.is_known(velocity, range));
+            let inputs = law.read(track, row, held);
+            law.network.evaluate_guarded(&mut state, &inputs, is_known);
         }
         let mut torque = 0.0;
-        for step in 0..supplied.substeps {
-            torque = law.step(&mut held, supplied.velocity(track, row, step), &state.factors);
+        for step in 0..law.substeps {
+            torque = lugre.step(&mut held, law.velocity(track, row, step), &state.factors);
         }
         run.torque.push(torque);
         run.bristle_torque.push(held);

@@ -45,7 +45,7 @@ fn predict_track(
         inputs,
         network: network.network.clone(),
         strokes: network.strokes,
-        every: (network.period_s / track.period_s).round().max(1.0) as usize,
+        rows_per_evaluation: (network.period_s / track.period_s).round().max(1.0) as usize,
         substeps: law_substeps(track.period_s),
     };
     let predicted = predict(&law, track);

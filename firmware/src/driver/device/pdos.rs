@@ -7,6 +7,7 @@
 
 mod identifiers;
 mod mapping;
+mod objects;
 mod sync;
 mod transmit;
 
@@ -14,16 +15,16 @@ use super::{Device, InputSource, Message, NodeId};
 use crate::driver::counters::count;
 use crate::driver::motion::Target;
 use crate::node::dictionary::index;
+use crate::node::dictionary::records::TransmitPdoObject as Parameter;
 use crate::node::sdo::{Abort, Objects};
 use canopen_rs::Address;
 use compensator_core::can::{FdTelemetry, Frame, FrameError, SyncFrame};
-use compensator_core::refusal;
-use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 use identifiers::{DefaultIdentifier, RECEIVE_IDENTIFIERS, TRANSMIT_IDENTIFIERS};
 use mapping::{Direction, Mapping};
+use objects::PdoObjectAddress;
 use sync::SyncState;
-use transmit::{LAST_SYNCHRONOUS, TransmitPdo, is_legal_type};
+use transmit::{EVENT_DRIVEN, EVERY_SYNC, LAST_SYNCHRONOUS, SendOccasion, TransmitPdo};
 
 /// Number of PDOs in each direction.
 pub const PDOS: usize = 6;
@@ -31,14 +32,29 @@ pub const PDOS: usize = 6;
 /// Bit of a PDO identifier that marks it as unused.
 const PDO_UNUSED: u32 = 1 << 31;
 
+/// Receive PDO with the targets of a CiA 402 master.
+const RECEIVE_DRIVE: usize = 0;
+
+/// Receive PDO with the command current.
+const RECEIVE_COMMAND: usize = 1;
+
 /// Receive PDOs up to here are event-driven by default.
-const LAST_EVENT_DRIVEN: usize = 1;
+const LAST_EVENT_DRIVEN: usize = RECEIVE_COMMAND;
+
+/// Transmit PDO with the friction torque and the feed-forward current.
+const ANSWER: usize = 0;
+
+/// Transmit PDO with flags and sequence.
+const STATUS: usize = 1;
 
 /// Transmit PDO with every n-th sample (2001h:5).
 const TELEMETRY: usize = 2;
 
 /// Transmit PDO with velocity and position, which a master needs at every SYNC.
 const MOTION: usize = 3;
+
+/// Transmit PDO with torque and load torque.
+const TORQUE: usize = 4;
 
 /// A joint on its sensors sends its other PDOs at every n-th SYNC, so that its frames take 39 % of a bus of 1 Mbit/s at
 /// 1 kHz. At every SYNC, they would take 88 %.
@@ -48,7 +64,7 @@ const SLOW_TYPE: u8 = 10;
 const DRIVE: usize = 5;
 
 /// Order of the transmit PDOs at a SYNC: what was measured, then what was computed.
-const SYNC_ORDER: [usize; PDOS] = [3, 4, 0, 1, 2, 5];
+const SYNC_ORDER: [usize; PDOS] = [MOTION, TORQUE, ANSWER, STATUS, TELEMETRY, DRIVE];
 
 /// A receive PDO.
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +79,7 @@ struct ReceivePdo {
 
 impl ReceivePdo {
     fn new(slot: usize) -> Self {
-        let kind = if slot <= LAST_EVENT_DRIVEN { 255 } else { 1 };
+        let kind = if slot <= LAST_EVENT_DRIVEN { EVENT_DRIVEN } else { EVERY_SYNC };
         Self { identifier: None, kind, mapping: Mapping::of_receive(slot), pending: None }
     }
 }
@@ -91,34 +107,31 @@ impl Pdos {
     pub const fn set_node(&mut self, node: NodeId) {
         self.node = node;
     }
-}
 
-/// Returns the slot and direction of the PDO whose parameters or mapping an object holds.
-fn slot_of(at_index: u16) -> (Direction, usize) {
-    let direction =
-        if at_index & 0x1FFF >= 0x1800 { Direction::Transmit } else { Direction::Receive };
-    (direction, usize::from(at_index & 0x1FF))
-}
-
-impl<F: NorFlash> Device<F> {
     /// Returns the identifier of a transmit PDO as in its object; bit 31 is set if the PDO is unused.
-    fn transmit_identifier(&self, slot: usize) -> u32 {
-        let given = self.pdos.transmit.get(slot).and_then(|pdo| pdo.identifier);
-        given.unwrap_or_else(|| self.default_identifier(&TRANSMIT_IDENTIFIERS, slot))
+    fn transmit_identifier(&self, slot: usize, source: InputSource) -> u32 {
+        let given = self.transmit.get(slot).and_then(|pdo| pdo.identifier);
+        given.unwrap_or_else(|| self.default_identifier(&TRANSMIT_IDENTIFIERS, slot, source))
     }
 
     /// Returns the identifier of a receive PDO as in its object; bit 31 is set if the PDO is unused.
-    fn receive_identifier(&self, slot: usize) -> u32 {
-        let given = self.pdos.receive.get(slot).and_then(|pdo| pdo.identifier);
-        given.unwrap_or_else(|| self.default_identifier(&RECEIVE_IDENTIFIERS, slot))
+    fn receive_identifier(&self, slot: usize, source: InputSource) -> u32 {
+        let given = self.receive.get(slot).and_then(|pdo| pdo.identifier);
+        given.unwrap_or_else(|| self.default_identifier(&RECEIVE_IDENTIFIERS, slot, source))
     }
 
     #[inline(never)]
-    fn default_identifier(&self, of_slots: &[DefaultIdentifier; PDOS], slot: usize) -> u32 {
-        let source = self.base.settings.source;
-        of_slots.get(slot).map_or(PDO_UNUSED, |default| default.value(self.pdos.node, source))
+    fn default_identifier(
+        &self,
+        of_slots: &[DefaultIdentifier; PDOS],
+        slot: usize,
+        source: InputSource,
+    ) -> u32 {
+        of_slots.get(slot).map_or(PDO_UNUSED, |default| default.value(self.node, source))
     }
+}
 
+impl<F: NorFlash> Device<F> {
     /// Returns the transmission type of a transmit PDO that no master has set. In HIL each sample has its answers, and one
     /// frame of CAN FD has room for all PDOs.
     fn default_transmit_type(&self, slot: usize) -> u8 {
@@ -128,14 +141,14 @@ impl<F: NorFlash> Device<F> {
             || self.sends_fd_telemetry()
             // 2001h:5 states the rate of Telemetry.
             || slot == TELEMETRY && settings.telemetry_every > 1;
-        if is_at_every_sync { 1 } else { SLOW_TYPE }
+        if is_at_every_sync { EVERY_SYNC } else { SLOW_TYPE }
     }
 
     /// Returns the identifiers of the receive PDOs in use; 0 for none.
     #[inline(never)]
     pub(super) fn pdo_identifiers(&self) -> [u16; PDOS] {
         core::array::from_fn(|slot| {
-            let identifier = self.receive_identifier(slot);
+            let identifier = self.pdos.receive_identifier(slot, self.base.settings.source);
             if identifier & PDO_UNUSED == 0 { identifier as u16 & Frame::MAX_IDENTIFIER } else { 0 }
         })
     }
@@ -153,29 +166,36 @@ impl<F: NorFlash> Device<F> {
             index::SYNC_OVERFLOW => return Ok(self.pdos.sync.overflow.into()),
             _ => {}
         }
-        let (direction, slot) = slot_of(at_index);
-        let is_mapping = at_index & 0x200 != 0;
+        let PdoObjectAddress { direction, slot, is_mapping } = PdoObjectAddress::of(at_index);
         match direction {
             Direction::Receive => {
                 let pdo = self.pdos.receive.get(slot).ok_or(Abort::NoObject)?;
                 Ok(match place {
                     _ if is_mapping => return pdo.mapping.number(place),
-                    1 => self.receive_identifier(slot),
-                    2 => pdo.kind.into(),
-                    5 => self.base.settings.target_timeout_ms.into(),
-                    _ => 0,
+                    Parameter::COB_ID => {
+                        self.pdos.receive_identifier(slot, self.base.settings.source)
+                    }
+                    Parameter::TRANSMISSION_TYPE => pdo.kind.into(),
+                    Parameter::INHIBIT_TIME | Parameter::COMPATIBILITY_ENTRY => 0,
+                    Parameter::EVENT_TIMER => self.base.settings.target_timeout_ms.into(),
+                    _ => return Err(Abort::NoSubIndex),
                 })
             }
             Direction::Transmit => {
                 let pdo = self.pdos.transmit.get(slot).ok_or(Abort::NoObject)?;
                 Ok(match place {
                     _ if is_mapping => return pdo.mapping.number(place),
-                    1 => self.transmit_identifier(slot),
-                    2 => pdo.kind.unwrap_or(self.default_transmit_type(slot)).into(),
-                    3 => pdo.inhibit_time.into(),
-                    5 => pdo.event_timer_ms.into(),
-                    6 => pdo.sync_start.into(),
-                    _ => 0,
+                    Parameter::COB_ID => {
+                        self.pdos.transmit_identifier(slot, self.base.settings.source)
+                    }
+                    Parameter::TRANSMISSION_TYPE => {
+                        pdo.kind.unwrap_or(self.default_transmit_type(slot)).into()
+                    }
+                    Parameter::INHIBIT_TIME => pdo.inhibit_time.into(),
+                    Parameter::COMPATIBILITY_ENTRY => 0,
+                    Parameter::EVENT_TIMER => pdo.event_timer_ms.into(),
+                    Parameter::SYNC_START => pdo.sync_start.into(),
+                    _ => return Err(Abort::NoSubIndex),
                 })
             }
         }
@@ -183,115 +203,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Writes a PDO parameter, a mapping or a SYNC object.
     pub(crate) fn write_pdo(&mut self, at: Address, number: u32) -> Result<(), Abort> {
-        let sync = &mut self.pdos.sync;
-        match at.index {
-            index::SYNC_PERIOD => {
-                sync.period_us = number;
-                return Ok(());
-            }
-            index::SYNC_WINDOW => {
-                sync.window_us = number;
-                return Ok(());
-            }
-            index::SYNC_OVERFLOW => return self.set_sync_overflow(number),
-            _ => {}
-        }
-        let (direction, slot) = slot_of(at.index);
-        if at.index & 0x200 != 0 {
-            return self.write_mapping(direction, slot, at.subindex, number);
-        }
-        if at.subindex == 1 {
-            self.check_identifier(number)?;
-        }
-        if at.subindex == 2 && !is_legal_type(number) {
-            let why = refusal!("transmission_type = {u32}: must be 0 to 240, 254 or 255", number);
-            return Err(self.base.staging.refuse(Abort::Value, why));
-        }
-        if at.subindex == 6 && number > 240 {
-            let why = refusal!("sync_start = {u32}: must be at most 240", number);
-            return Err(self.base.staging.refuse(Abort::Value, why));
-        }
-        match direction {
-            Direction::Receive => {
-                let pdo = self.pdos.receive.get_mut(slot).ok_or(Abort::NoObject)?;
-                pdo.pending = None;
-                match at.subindex {
-                    1 => pdo.identifier = Some(number),
-                    _ => pdo.kind = number as u8,
-                }
-            }
-            Direction::Transmit => {
-                let pdo = self.pdos.transmit.get_mut(slot).ok_or(Abort::NoObject)?;
-                pdo.restart();
-                match at.subindex {
-                    1 => pdo.identifier = Some(number),
-                    2 => pdo.kind = Some(number as u8),
-                    3 => pdo.inhibit_time = number as u16,
-                    5 => pdo.event_timer_ms = number as u16,
-                    _ => pdo.sync_start = number as u8,
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn set_sync_overflow(&mut self, number: u32) -> Result<(), Abort> {
-        if self.pdos.sync.period_us != 0 {
-            let why =
-                text!("sync_counter_overflow: set the communication cycle (1006h) to 0 first");
-            return Err(self.base.staging.refuse(Abort::State, why));
-        }
-        if number == 1 || number > 240 {
-            let why = refusal!("sync_counter_overflow = {u32}: must be 0 or 2 to 240", number);
-            return Err(self.base.staging.refuse(Abort::Value, why));
-        }
-        self.pdos.sync.overflow = number as u8;
-        Ok(())
-    }
-
-    fn check_identifier(&mut self, identifier: u32) -> Result<(), Abort> {
-        // Bit 30 forbids remote requests, which are never answered.
-        let number = identifier & !(PDO_UNUSED | 1 << 30);
-        // The identifiers that CiA 301 permits for PDOs: the predefined set, and the free ones above SDO.
-        let is_legal = (0x181..=0x57F).contains(&number) || (0x680..=0x6FF).contains(&number);
-        if !is_legal && identifier & PDO_UNUSED == 0 {
-            let why = refusal!("cob_id = {hex}h: must be 181h to 57Fh or 680h to 6FFh", identifier);
-            return Err(self.base.staging.refuse(Abort::Value, why));
-        }
-        Ok(())
-    }
-
-    fn write_mapping(
-        &mut self,
-        direction: Direction,
-        slot: usize,
-        sub_index: u8,
-        number: u32,
-    ) -> Result<(), Abort> {
-        let (identifier, mapping) = match direction {
-            Direction::Receive => (
-                self.receive_identifier(slot),
-                self.pdos.receive.get_mut(slot).map(|pdo| &mut pdo.mapping),
-            ),
-            Direction::Transmit => (
-                self.transmit_identifier(slot),
-                self.pdos.transmit.get_mut(slot).map(|pdo| &mut pdo.mapping),
-            ),
-        };
-        if identifier & PDO_UNUSED == 0 {
-            let why =
-                text!("a mapping is changed while its PDO is disabled (bit 31 of the identifier)");
-            return Err(self.base.staging.refuse(Abort::State, why));
-        }
-        let written = mapping.ok_or(Abort::NoObject)?.write(sub_index, number, direction);
-        written.map_err(|abort| match abort {
-            Abort::State => {
-                let why =
-                    text!("an entry of a mapping is written while the count (sub-index 0) is 0");
-                self.base.staging.refuse(Abort::State, why)
-            }
-            other => other,
-        })
+        self.pdos.write(&mut self.base, at, number)
     }
 
     /// Resets all PDOs to their defaults, when the communication restarts.
@@ -318,8 +230,8 @@ impl<F: NorFlash> Device<F> {
         self.pdos.receive.iter_mut().for_each(|pdo| pdo.pending = None);
     }
 
-    /// Returns true if all frames are those of `joint.dbc`.
-    pub fn has_own_identifiers(&self) -> bool {
+    /// Returns true if all transmit PDOs are frames of `joint.dbc`.
+    pub fn has_default_transmit_pdos(&self) -> bool {
         (0..PDOS).all(|slot| self.has_default_frame(slot))
     }
 
@@ -348,12 +260,14 @@ impl<F: NorFlash> Device<F> {
         if mapping != Mapping::of_receive(slot) {
             return self.apply_mapped(mapping, frame);
         }
-        if slot == 0 {
+        if slot == RECEIVE_DRIVE {
             return self.take_drive_frame(frame);
         }
         let node = self.pdos.node;
         let identifier =
-            self.default_identifier(&RECEIVE_IDENTIFIERS, slot) as u16 & Frame::MAX_IDENTIFIER;
+            self.pdos.default_identifier(&RECEIVE_IDENTIFIERS, slot, self.base.settings.source)
+                as u16
+                & Frame::MAX_IDENTIFIER;
         let Some(frame) = Frame::new(identifier, frame.data()) else { return };
         match Message::parse(&frame) {
             Ok(message) => self.take(&message, &frame, node, now_us),
@@ -411,12 +325,13 @@ impl<F: NorFlash> Device<F> {
             // The lower half of the time.
             FdTelemetry::new(self.pdos.node, sync.counter, now_us as u32)
         });
+        let occasion = SendOccasion::Sync { counter };
         let mut is_empty = true;
         for slot in SYNC_ORDER {
             if slot == TELEMETRY && !has_telemetry {
                 continue;
             }
-            let Some((data, frame)) = self.due_frame(slot, Some(counter), now_us) else { continue };
+            let Some((data, frame)) = self.due_frame(slot, occasion, now_us) else { continue };
             match &mut fd {
                 Some(fd) if self.has_default_frame(slot) => {
                     fd.put(slot, data);
@@ -450,23 +365,22 @@ impl<F: NorFlash> Device<F> {
     pub(super) fn transmit_events(&mut self, now_us: u64) {
         for slot in 0..PDOS {
             if self.pdos.transmit.get(slot).is_some_and(TransmitPdo::is_event_driven)
-                && let Some((_, frame)) = self.due_frame(slot, None, now_us)
+                && let Some((_, frame)) = self.due_frame(slot, SendOccasion::Tick, now_us)
             {
                 self.base.outbox.push(frame);
             }
         }
     }
 
-    /// Returns data and frame of a transmit PDO, if it is in use and due: at a SYNC, with its counter if it has one, or
-    /// between two.
+    /// Returns data and frame of a transmit PDO, if it is in use and due.
     #[inline(never)]
     fn due_frame(
         &mut self,
         slot: usize,
-        sync: Option<Option<u8>>,
+        occasion: SendOccasion,
         now_us: u64,
     ) -> Option<([u8; 8], Frame)> {
-        let identifier = self.transmit_identifier(slot);
+        let identifier = self.pdos.transmit_identifier(slot, self.base.settings.source);
         let mapping = self.pdos.transmit.get(slot)?.mapping;
         let length = mapping.length();
         if identifier & PDO_UNUSED != 0 || length == 0 {
@@ -475,9 +389,9 @@ impl<F: NorFlash> Device<F> {
         let data = self.mapped_data(&mapping);
         let default = self.default_transmit_type(slot);
         let pdo = self.pdos.transmit.get_mut(slot)?;
-        let is_due = match sync {
-            Some(counter) => pdo.is_due_at_sync(default, counter, data, now_us),
-            None => pdo.is_due_by_event(data, now_us),
+        let is_due = match occasion {
+            SendOccasion::Sync { counter } => pdo.is_due_at_sync(default, counter, data, now_us),
+            SendOccasion::Tick => pdo.is_due_by_event(data, now_us),
         };
         if !is_due {
             return None;

@@ -160,7 +160,7 @@ fn transmit_pdos_follow_type_start_value_event_timer_and_inhibit_time() {
         }
     }
     assert_eq!(times, [0, 5, 10, 15, 20, 40]);
-    assert!(!bench.driver.joint.has_own_identifiers());
+    assert!(!bench.driver.joint.has_default_transmit_pdos());
     // Stopped, nothing is sent; the communication reset restores the defaults.
     bench.driver.receive(&frame(0, &[0x80, 0]), bench.now_us);
     bench.pass_ms(40);
@@ -168,7 +168,7 @@ fn transmit_pdos_follow_type_start_value_event_timer_and_inhibit_time() {
     bench.driver.receive(&frame(0, &[0x82, 0]), bench.now_us);
     assert_eq!(bench.number(0x1800, 2), 10);
     assert_eq!(bench.number(0x1A05, 0), 3);
-    assert!(bench.driver.joint.has_own_identifiers());
+    assert!(bench.driver.joint.has_default_transmit_pdos());
 }
 
 #[test]

@@ -25,16 +25,16 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Most rows of a fit.
-const MOST_FITTED: usize = 10_000;
+const MAX_FITTED_ROWS: usize = 10_000;
 
 /// Fewest rows of a track that is cut.
 const SHORTEST_TRACK: usize = 1500;
 
 /// Most rows on which the starting points are tried.
-const MOST_TRIED: usize = 4_000;
+const MAX_TRIED_ROWS: usize = 4_000;
 
 /// Simulations per parameter of a trial.
-const TRIAL_PATIENCE: usize = 3;
+const TRIAL_SIMULATIONS_PER_PARAMETER: usize = 3;
 
 /// Smallest friction level of a start, as a share of the RMS torque.
 const SMALLEST_LEVEL: f64 = 0.02;
@@ -42,8 +42,8 @@ const SMALLEST_LEVEL: f64 = 0.02;
 /// Smallest excess of the static level of a start, as a share of the level in sliding.
 const SMALLEST_EXCESS: f64 = 0.1;
 
-/// Simulations per parameter.
-const PATIENCE: usize = 5;
+/// Simulations per parameter of a fit.
+const SIMULATIONS_PER_PARAMETER: usize = 5;
 
 /// Where a fit begins.
 #[derive(Clone, Debug)]
@@ -75,6 +75,12 @@ impl KernelStart {
         }
         Some(Self { parameters, resolution: None })
     }
+}
+
+/// A brief fit from one start.
+struct Trial {
+    sum_of_squares: f64,
+    parameters: Parameters<f64>,
 }
 
 /// A law of the driver at a point of its parameters.
@@ -118,23 +124,28 @@ impl KernelLaw {
             stagnation: COMPARISON_STAGNATION,
             ..FitOptions::for_comparison(Some(start.parameters.clone()))
         };
-        let trial = shortened(&tracks, MOST_TRIED);
+        let trial = shortened(&tracks, MAX_TRIED_ROWS);
         let trial = friction_fit::Rows { tracks: &trial, decimate: 1 };
+        // Lazy: a single start needs no trial, and none is made.
         let tried = starts.par_iter().map(|start| {
             let start = KernelStart { resolution: Some(Resolution::PLAIN), ..start.clone() };
-            let solution = fit(&spec, &base, trial, &options(&start, TRIAL_PATIENCE));
-            (solution.reduced.sum_of_squares(), solution.parameters())
+            let options = options(&start, TRIAL_SIMULATIONS_PER_PARAMETER);
+            let solution = fit(&spec, &base, trial, &options);
+            Trial {
+                sum_of_squares: solution.reduced.sum_of_squares(),
+                parameters: solution.parameters(),
+            }
         });
         let start = match starts {
             [only] => only.clone(),
             _ => {
-                let best = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-                KernelStart { parameters: best.1, resolution: None }
+                let best = tried.min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares))?;
+                KernelStart { parameters: best.parameters, resolution: None }
             }
         };
-        let fitted = shortened(&tracks, MOST_FITTED);
+        let fitted = shortened(&tracks, MAX_FITTED_ROWS);
         let fitted = friction_fit::Rows { tracks: &fitted, decimate: 1 };
-        let solution = fit(&spec, &base, fitted, &options(&start, PATIENCE));
+        let solution = fit(&spec, &base, fitted, &options(&start, SIMULATIONS_PER_PARAMETER));
         let free: Vec<ParameterId> = solution.coordinates.ids().collect();
         Self::linearised(rows, &tracks, solution.parameters(), &free, solution.resolution)
     }
@@ -151,28 +162,23 @@ impl KernelLaw {
         free: &[ParameterId],
         resolution: Resolution,
     ) -> Option<Self> {
-        let at = sensitivities(&parameters, free, tracks, resolution);
-        let in_rows = |of: &(dyn Fn(&TrackSensitivities) -> &[f64] + Sync)| {
-            rows.along_tracks(tracks.iter().zip(&at.tracks).map(|(track, at)| (track, of(at))))
+        let sensitivities_at_fit = sensitivities(&parameters, free, tracks, resolution);
+        let along_rows = |series: &(dyn Fn(&TrackSensitivities) -> &[f64] + Sync)| {
+            let along = tracks.iter().zip(&sensitivities_at_fit.tracks);
+            rows.along_tracks(along.map(|(track, along)| (track, series(along))))
         };
-        let mut columns: Vec<Vec<f64>> =
-            (0..free.len()).map(|index| in_rows(&|at| &at.jacobian[index])).collect();
-        let level = in_rows(&|at| &at.level);
-        let torque = in_rows(&|at| &at.torque);
-        let memory = in_rows(&|at| &at.memory);
-        let scaling =
-            free.iter().zip(&columns).filter(|(id, _)| **id != ParameterId::StribeckVelocity);
-        let scaling: Vec<(f64, &Vec<f64>)> =
-            scaling.map(|(id, column)| (parameters.get(*id), column)).collect();
-        let rest = rows.map(|row| {
-            torque[row] - scaling.iter().map(|(value, column)| value * column[row]).sum::<f64>()
-        });
-        if rest.iter().any(|rest| *rest != 0.0) {
-            columns.push(rest);
-        }
-        let is_finite = columns.iter().chain([&level, &torque]).flatten().all(|v| v.is_finite());
+        let jacobian: Vec<Vec<f64>> =
+            (0..free.len()).map(|index| along_rows(&|along| &along.jacobian[index])).collect();
+        let level = along_rows(&|along| &along.level);
+        let torque = along_rows(&|along| &along.torque);
+        let memory = along_rows(&|along| &along.memory);
+        let columns = columns_with_rest(&parameters, free, jacobian, &torque);
         let coulomb = parameters.get(ParameterId::CoulombTorque);
         let travel = coulomb / parameters.get(ParameterId::BristleStiffness);
+        let series = columns.iter().chain([&level, &torque, &memory]).flatten();
+        if !series.chain([&travel]).all(|value| value.is_finite()) {
+            return None;
+        }
         let target = rows.along_tracks(tracks.iter().map(|track| (track, track.torque.as_slice())));
         let residual =
             target.iter().zip(&torque).map(|(target, simulated)| target - simulated).collect();
@@ -180,7 +186,7 @@ impl KernelLaw {
         let coarse = sensitivities(&parameters, &[], tracks, Resolution::PLAIN);
         let simulated = simulated::variants(rows, tracks, &coarse, travel).into();
         let motion_error = motion_error(rows, tracks, &coarse);
-        is_finite.then_some(Self {
+        Some(Self {
             parameters,
             resolution,
             columns,
@@ -194,15 +200,42 @@ impl KernelLaw {
     }
 }
 
+/// Returns the derivative of the torque by each free parameter, then what is left of the torque beside them, if anything.
+///
+/// A homogeneous torque is the sum of each parameter times its derivative (Euler). The Stribeck velocity has degree zero, so
+/// its derivative is a column but no part of this sum. The rest is what the bristles held at the start, as far as it remains.
+fn columns_with_rest(
+    parameters: &Parameters<f64>,
+    free: &[ParameterId],
+    jacobian: Vec<Vec<f64>>,
+    torque: &[f64],
+) -> Vec<Vec<f64>> {
+    let homogeneous: Vec<(f64, &Vec<f64>)> = free
+        .iter()
+        .zip(&jacobian)
+        .filter(|(id, _)| **id != ParameterId::StribeckVelocity)
+        .map(|(id, column)| (parameters.get(*id), column))
+        .collect();
+    let explained =
+        |row: usize| homogeneous.iter().map(|(value, column)| value * column[row]).sum::<f64>();
+    let rest: Vec<f64> =
+        torque.iter().enumerate().map(|(row, torque)| torque - explained(row)).collect();
+    let mut columns = jacobian;
+    if rest.iter().any(|rest| *rest != 0.0) {
+        columns.push(rest);
+    }
+    columns
+}
+
 /// Returns the error of the torque that the uncertain motion causes; empty if the motion is exact.
-fn motion_error(rows: &Rows, tracks: &[Track], at: &Sensitivities) -> Vec<f64> {
+fn motion_error(rows: &Rows, tracks: &[Track], model: &Sensitivities) -> Vec<f64> {
     if tracks.iter().all(|track| track.velocity_draws.is_empty()) {
         return Vec::new();
     }
     let error = |(track, along): (&Track, &TrackSensitivities)| {
-        uncertain_motion::errors(&at.parameters, track, at.resolution, &along.torque)
+        uncertain_motion::errors(&model.parameters, track, model.resolution, &along.torque)
     };
-    let errors: Vec<Vec<f64>> = tracks.par_iter().zip(&at.tracks).map(error).collect();
+    let errors: Vec<Vec<f64>> = tracks.par_iter().zip(&model.tracks).map(error).collect();
     rows.along_tracks(tracks.iter().zip(errors.iter().map(Vec::as_slice)))
 }
 
@@ -210,18 +243,18 @@ fn motion_error(rows: &Rows, tracks: &[Track], at: &Sensitivities) -> Vec<f64> {
 fn tracks(rows: &Rows, target: &[f64], correction: Correction) -> Vec<Track> {
     let mut tracks = rows.tracks.clone();
     // The model of a fit is not late, so the torque is taken early.
-    let early = match correction {
-        Correction::TorqueLate(by) => Some(later(target, &rows.runs, -by)),
+    let advanced_target = match correction {
+        Correction::TorqueLate(delay_rows) => Some(later(target, &rows.runs, -delay_rows)),
         _ => None,
     };
-    let target = early.as_deref().unwrap_or(target);
+    let target = advanced_target.as_deref().unwrap_or(target);
     for track in &mut tracks {
         let first = rows.first_row(track);
         let of_track = first..first + track.len();
         track.torque.copy_from_slice(&target[of_track.clone()]);
         track.weights = rows.weights[of_track].iter().map(|weight| weight * weight).collect();
-        if let Correction::TorqueLowPass(by, shape) = correction {
-            track.torque_low_pass = TorqueLowPass { time_s: by * rows.step_s, shape };
+        if let Correction::TorqueLowPass(time_rows, shape) = correction {
+            track.torque_low_pass = TorqueLowPass { time_s: time_rows * rows.step_s, shape };
         }
     }
     tracks
@@ -234,4 +267,44 @@ fn shortened(tracks: &[Track], wanted: usize) -> Vec<Track> {
     let chosen: Vec<&Track> = tracks.iter().step_by(stride).collect();
     let most = (wanted / chosen.len().max(1)).max(SHORTEST_TRACK);
     chosen.into_iter().map(|track| track.part(0..track.len().min(most))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::Sample;
+
+    #[test]
+    fn parameters_times_derivatives_and_rest_are_the_torque() {
+        let parameters = Parameters::new(LawKind::Lugre)
+            .with(ParameterId::CoulombTorque, 3.0)
+            .with(ParameterId::StaticTorque, 4.0)
+            .with(ParameterId::StribeckVelocity, 0.05)
+            .with(ParameterId::ViscousFriction, 2.0)
+            .with(ParameterId::BristleStiffness, 300.0)
+            .with(ParameterId::BristleDamping, 1.0);
+        let free: Vec<ParameterId> = parameters.active().collect();
+        let velocity = |row: usize| 0.2 * (row as f64 / 40.0).sin();
+        let samples = |row| Sample { velocity_rad_s: velocity(row), ..Sample::default() };
+        // The held torque at the start is estimated from it.
+        let torque = vec![1.0; 400];
+        let track = [Track::even((0..400).map(samples).collect(), torque, 1e-3)];
+        let simulated = &sensitivities(&parameters, &free, &track, Resolution::PLAIN).tracks[0];
+        let columns =
+            columns_with_rest(&parameters, &free, simulated.jacobian.clone(), &simulated.torque);
+        let [derivatives @ .., rest] = columns.as_slice() else { panic!("no columns") };
+        assert_eq!(derivatives, simulated.jacobian);
+        let held = simulated.held.unwrap();
+        assert!((0.1..3.9).contains(&held.abs()), "{held}");
+        for row in 0..400 {
+            let without_stribeck = free.iter().zip(derivatives);
+            let sum: f64 = without_stribeck
+                .filter(|(id, _)| **id != ParameterId::StribeckVelocity)
+                .map(|(id, column)| parameters.get(*id) * column[row])
+                .sum();
+            assert!((sum + rest[row] - simulated.torque[row]).abs() < 1e-12, "{row}");
+            let remembered = held * simulated.memory.get(row).copied().unwrap_or_default();
+            assert!((rest[row] - remembered).abs() < 1e-6, "{row}: {} {remembered}", rest[row]);
+        }
+    }
 }

@@ -139,18 +139,18 @@ impl TrainedNetwork {
     /// Runs the law along a test.
     pub fn run(&self, track: &Track) -> NetworkRun {
         match self {
-            Self::One(supplied) => predict(supplied, track),
-            Self::Two(supplied) => predict(supplied, track),
-            Self::Three(supplied) => predict(supplied, track),
+            Self::One(law) => predict(law, track),
+            Self::Two(law) => predict(law, track),
+            Self::Three(law) => predict(law, track),
         }
     }
 
     /// Marks strokes unlike those of these tests as outside the envelope.
     pub fn set_stroke_range(&mut self, tracks: &[Track]) {
         match self {
-            Self::One(supplied) => supplied.set_stroke_range(tracks),
-            Self::Two(supplied) => supplied.set_stroke_range(tracks),
-            Self::Three(supplied) => supplied.set_stroke_range(tracks),
+            Self::One(law) => law.set_stroke_range(tracks),
+            Self::Two(law) => law.set_stroke_range(tracks),
+            Self::Three(law) => law.set_stroke_range(tracks),
         }
     }
 }
@@ -162,7 +162,8 @@ fn train_boxed<const INPUTS: usize>(
     options: &TrainOptions,
     progress: &(dyn Fn(TrainingProgress) + Sync),
 ) -> Box<NetworkLaw<INPUTS>> {
-    Box::new(train(base, inputs, tracks, options, progress).supplied)
+    let trained = train(base, inputs, tracks, options, progress);
+    Box::new(trained.expect("tests of finite numbers").law)
 }
 
 /// Training options of a campaign.

@@ -54,7 +54,7 @@ pub(super) fn add_unpublished_tests(
     PrintedTable { row: ResultRow::simulated, ..TABLE_2 }.add(outcome, &slow, &each);
     let base = LUGRE.fit(&tests.tracks);
     let mut training = options(request.seed, EPOCHS[usize::from(request.quick)], 1);
-    training.every = NETWORK_INTERVAL_ROWS;
+    training.rows_per_evaluation = NETWORK_INTERVAL_ROWS;
     let (mut network, trained_on_all) =
         NetworkInputs::Actuators.train_on_all(&tests, &base, &training, request.progress);
     let by_slow = |name: &String| tests.names.iter().position(|known| known == name);

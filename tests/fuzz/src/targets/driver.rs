@@ -100,7 +100,9 @@ impl World {
                 continue;
             }
             let base = identifier.wrapping_sub(node);
-            if !self.driver.joint.has_own_identifiers() && !matches!(base, 0x080 | 0x580 | 0x700) {
+            if !self.driver.joint.has_default_transmit_pdos()
+                && !matches!(base, 0x080 | 0x580 | 0x700)
+            {
                 // A master changed the identifiers. Only their legal ranges can be checked.
                 assert!(
                     (0x181..=0x57F).contains(&identifier) || (0x680..=0x6FF).contains(&identifier)

@@ -8,13 +8,32 @@
 
 use super::mapping::Mapping;
 
-/// Transmission types from here on do not follow the SYNC.
+/// Transmission types above do not follow the SYNC.
 pub const LAST_SYNCHRONOUS: u8 = 240;
+
+/// Transmission types from here on follow events.
 const FIRST_EVENT_DRIVEN: u8 = 254;
+
+/// Transmission type of an event-driven PDO of the device profile.
+pub const EVENT_DRIVEN: u8 = 255;
+
+/// Transmission type of a PDO that is sent at every SYNC.
+pub const EVERY_SYNC: u8 = 1;
+
+/// Occasion at which a transmit PDO may be sent.
+#[derive(Clone, Copy, Debug)]
+pub enum SendOccasion {
+    /// A SYNC, with its counter if it has one.
+    Sync { counter: Option<u8> },
+    /// A tick between two SYNCs.
+    Tick,
+}
 
 /// Returns true if a joint has this transmission type; it answers no remote requests (252, 253).
 pub const fn is_legal_type(kind: u32) -> bool {
-    kind <= LAST_SYNCHRONOUS as u32 || kind == FIRST_EVENT_DRIVEN as u32 || kind == 255
+    kind <= LAST_SYNCHRONOUS as u32
+        || kind == FIRST_EVENT_DRIVEN as u32
+        || kind == EVENT_DRIVEN as u32
 }
 
 /// A transmit PDO: its parameters, and when it was sent.

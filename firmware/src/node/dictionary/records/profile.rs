@@ -1,6 +1,7 @@
 //! Objects of CiA 301 and CiA 402.
 
 use super::{Access, DataType, Entry, entry};
+use core::mem::offset_of;
 
 record! {
     /// Identity of the device.
@@ -40,14 +41,14 @@ record! {
 }
 
 record! {
-    /// COB-ID, transmission type and times of a transmit PDO.
+    /// COB-ID, transmission type and times of a transmit PDO. Those of a receive PDO have the same sub-indices.
     TransmitPdoObject {
-        cob_id: Unsigned32, ReadWrite;
-        transmission_type: Unsigned8, ReadWrite;
-        inhibit_time_100us: Unsigned16, ReadWrite [armed];
-        compatibility_entry: Unsigned8, Const;
-        event_timer_ms: Unsigned16, ReadWrite [armed];
-        sync_start: Unsigned8, ReadWrite;
+        cob_id: Unsigned32, ReadWrite, COB_ID;
+        transmission_type: Unsigned8, ReadWrite, TRANSMISSION_TYPE;
+        inhibit_time_100us: Unsigned16, ReadWrite, INHIBIT_TIME [armed];
+        compatibility_entry: Unsigned8, Const, COMPATIBILITY_ENTRY;
+        event_timer_ms: Unsigned16, ReadWrite, EVENT_TIMER [armed];
+        sync_start: Unsigned8, ReadWrite, SYNC_START;
     }
 }
 
