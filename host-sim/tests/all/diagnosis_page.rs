@@ -15,7 +15,7 @@ use friction_results::report::Page;
 use friction_results::stochastic::StochasticExtension;
 use host_sim::simulated;
 use joint_log::{Dataset, JointKind, Split, SplitRule, split};
-use serde_json::{Value, json};
+use serde_json::Value;
 use simulated_machines::scenarios::{HiddenCause, Hide, Options, draw, draw_with};
 
 /// A log that has been diagnosed.
@@ -226,6 +226,7 @@ fn page_of_prismatic_joint_has_its_units() {
 #[test]
 fn stochastic_section_leaves_out_missing_values() {
     use friction_results::diagnosis_page::stochastic_section;
+    use serde_json::json;
 
     let empty = json!({"cv": {}, "sum_cv": 0.0});
     assert!(stochastic_section(&empty, &empty, Some("a reading")).is_empty());
