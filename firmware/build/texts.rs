@@ -20,7 +20,10 @@ pub fn write(folders: &[PathBuf], out: &Path) {
     fs::write(out.join("texts.rs"), format!("[\n{texts}]\n")).expect("OUT_DIR can be written");
 }
 
-/// Adds the literals of all sources of a folder, without those of tests and of documentation.
+/// Start of the tests at the end of a file. The attribute alone stands before other items too, which have texts behind them.
+const TESTS: &str = "#[cfg(test)]\nmod tests {";
+
+/// Adds the literals of all sources of a folder, without those of tests at the end of a file and of documentation.
 fn collect(folder: &Path, literals: &mut BTreeSet<String>) {
     let entries =
         fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
@@ -29,7 +32,7 @@ fn collect(folder: &Path, literals: &mut BTreeSet<String>) {
             collect(&path, literals);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
             let source = fs::read_to_string(&path).expect("text");
-            let shipped = source.split("#[cfg(test)]").next().unwrap_or_default();
+            let shipped = source.split(TESTS).next().unwrap_or_default();
             let code: Vec<_> =
                 shipped.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
             let code = code.join("\n");

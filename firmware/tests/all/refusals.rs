@@ -19,12 +19,13 @@ fn texts_of_this_version_have_different_numbers_and_room_for_theirs() {
     assert!(numbers.len() > 500, "{}", numbers.len());
 }
 
-/// One of each source: the core, this crate, over several lines, and the lists of fields.
+/// One of each source: the core, behind an item of tests, this crate, over several lines, and the lists of fields.
 #[test]
 fn texts_of_both_crates_and_of_their_fields_are_collected() {
     for expected in [
         "{name} = {f32}: must be a whole number: {name}",
         "{name}: must be {name}",
+        "their sum must stay within the range of fixed point",
         "the number type cannot hold this product of the step within the envelope",
         "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s",
         "coulomb_torque",

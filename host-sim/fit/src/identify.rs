@@ -138,7 +138,7 @@ mod tests {
     use crate::Track;
     use compensator_core::{ParameterId as Id, Sample};
 
-    /// A fit of a law with a Stribeck curve, whose parameters a test changes.
+    /// A fit of a law that must be passive, whose parameters a test changes.
     fn fitted() -> Outcome {
         let velocity = |row: usize| 2.0 * (0.02 * row as f64).sin();
         let samples: Vec<Sample<f64>> = (0..1000)
@@ -147,7 +147,7 @@ mod tests {
         let torque = (0..1000).map(|row| 0.5 * velocity(row).signum() + 0.2 * velocity(row));
         let tracks = [Track::even(samples, torque.collect(), 0.01)];
         let rows = Rows { tracks: &tracks, decimate: 1 };
-        let spec = Spec::parse("stribeck").expect("a model");
+        let spec = Spec::parse("lugre").expect("a model");
         let base = spec.parameters().expect("parameters");
         identify(&spec, &base, rows, rows, &FitOptions { starts: 1, ..FitOptions::default() })
     }
