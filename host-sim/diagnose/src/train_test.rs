@@ -130,7 +130,7 @@ impl TrainTest {
     #[must_use]
     pub fn with_later_velocity(mut self, delay_s: f64) -> Self {
         for track in self.train_tracks.iter_mut().chain(&mut self.test_tracks) {
-            track.advance_velocity(delay_s);
+            track.shift_velocity(delay_s);
         }
         self
     }

@@ -118,7 +118,7 @@ impl Measurement {
         }
         shaft.torque_low_pass = self.torque_low_pass;
         if self.torque_delay_s != 0.0 {
-            shaft.advance_velocity(-self.torque_delay_s);
+            shaft.shift_velocity(-self.torque_delay_s);
         }
         shaft
     }

@@ -149,38 +149,40 @@ impl Track {
             (0..self.len()).map(|row| self.weight_without_spike(row) * by(row)).collect();
     }
 
-    /// Moves velocity and acceleration earlier by `delay_s`, s, interpolating linearly between rows. Rows at the end, for
-    /// which no later velocity exists, get weight 0.
-    pub fn advance_velocity(&mut self, delay_s: f64) {
-        let ratio = |row: usize| self.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-        let mut time = 0.0;
-        let times: Vec<f64> = (0..self.len())
-            .map(|row| {
-                time += if row > 0 { self.period_s * ratio(row) } else { 0.0 };
-                time
-            })
-            .collect();
-        let last = self.len() - 1;
-        let mut later = 0;
-        let mut complete_rows = self.len();
+    /// Moves velocity and acceleration in time, interpolating linearly between rows: a row takes the values of `by_s`, s, later,
+    /// or earlier if it is negative. Rows for which the track has no such values get weight 0.
+    pub fn shift_velocity(&mut self, by_s: f64) {
+        let Some(last) = self.len().checked_sub(1) else { return };
+        let times = self.times_s();
         let logged = self.samples.clone();
-        for (row, sample) in self.samples.iter_mut().enumerate() {
-            let then = times[row] + delay_s;
-            while later < last && times[later + 1] <= then {
-                later += 1;
+        let mut before = 0;
+        for (sample, time) in self.samples.iter_mut().zip(&times) {
+            let then = time + by_s;
+            while before + 1 < last && times[before + 1] <= then {
+                before += 1;
             }
-            if later == last {
-                complete_rows = complete_rows.min(row);
-            }
-            let next = (later + 1).min(last);
-            let step = times[next] - times[later];
-            let share = if step > 0.0 { (then - times[later]) / step } else { 0.0 };
-            let (from, to) = (&logged[later], &logged[next]);
+            let after = (before + 1).min(last);
+            let step = times[after] - times[before];
+            let share =
+                if step > 0.0 { ((then - times[before]) / step).clamp(0.0, 1.0) } else { 0.0 };
+            let (from, to) = (&logged[before], &logged[after]);
             let between = |a: f64, b: f64| a + (b - a) * share;
             sample.velocity_rad_s = between(from.velocity_rad_s, to.velocity_rad_s);
             sample.acceleration_rad_s2 = between(from.acceleration_rad_s2, to.acceleration_rad_s2);
         }
-        self.scale_weights(|row| if row < complete_rows { 1.0 } else { 0.0 });
+        let logged_s = times[0]..=times[last];
+        self.scale_weights(|row| f64::from(u8::from(logged_s.contains(&(times[row] + by_s)))));
+    }
+
+    /// Returns the time of each row since the first one, s.
+    fn times_s(&self) -> Vec<f64> {
+        let ratio = |row: usize| self.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+        let mut time = 0.0;
+        let step = |row: usize| {
+            time += if row > 0 { self.period_s * ratio(row) } else { 0.0 };
+            time
+        };
+        (0..self.len()).map(step).collect()
     }
 
     /// Returns true if there are no rows.
@@ -217,4 +219,39 @@ pub fn run_count(tracks: &[Track]) -> usize {
 /// Returns a range of rows of each column.
 pub(super) fn row_range(columns: &[Vec<f64>], rows: &Range<usize>) -> Vec<Vec<f64>> {
     columns.iter().map(|column| column[rows.clone()].to_vec()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A velocity of 10 rad/s per s, in rows of 0.1 s.
+    fn ramp() -> Track {
+        let samples =
+            (0..5).map(|row| Sample { velocity_rad_s: row as f64, ..Sample::default() }).collect();
+        Track::even(samples, vec![0.0; 5], 0.1)
+    }
+
+    fn shifted(by_s: f64) -> (Vec<f64>, Vec<f64>) {
+        let mut track = ramp();
+        track.shift_velocity(by_s);
+        let velocity = track.samples.iter().map(|sample| sample.velocity_rad_s).collect();
+        (velocity, (0..5).map(|row| track.weight(row)).collect())
+    }
+
+    #[test]
+    fn shift_velocity_gives_rows_without_values_weight_0() {
+        let (later, weights) = shifted(0.15);
+        assert!((later[0] - 1.5).abs() < 1e-9 && (later[2] - 3.5).abs() < 1e-9, "{later:?}");
+        assert_eq!(weights, [1.0, 1.0, 1.0, 0.0, 0.0]);
+        let (earlier, weights) = shifted(-0.15);
+        assert_eq!(earlier[..2], [0.0, 0.0], "no value is extrapolated");
+        assert!((earlier[2] - 0.5).abs() < 1e-9 && (earlier[4] - 2.5).abs() < 1e-9, "{earlier:?}");
+        assert_eq!(weights, [0.0, 0.0, 1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn shift_velocity_without_rows_does_nothing() {
+        Track::even(Vec::new(), Vec::new(), 0.1).shift_velocity(0.1);
+    }
 }
