@@ -35,7 +35,7 @@ pub fn tried() -> Vec<Correction> {
 }
 
 impl Correction {
-    /// Returns the corrections beside this one, nearer to it than its neighbours in [`tried`].
+    /// Returns the corrections beside this one, nearer to it than its neighbours in `tried`.
     pub fn nearer(self) -> Vec<Self> {
         self.times(&[0.7, 0.85, 1.2, 1.45])
     }
