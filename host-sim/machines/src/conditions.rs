@@ -124,6 +124,20 @@ impl Condition {
     }
 
     /// Returns the signal of a column.
+    pub fn signal(&self, column: &str) -> Option<Signal> {
+        match column {
+            "radial_force_n" => Some(self.force),
+            "pressure_diff_pa" => Some(self.pressure),
+            "temperature_c" => Some(self.temperature),
+            "load_torque_nm" => Some(self.load),
+            _ => {
+                let mut extras = self.extras.iter();
+                extras.find(|(extra, _)| extra.column() == column).map(|(_, signal)| *signal)
+            }
+        }
+    }
+
+    /// Returns the signal of a column to change it.
     pub fn signal_mut(&mut self, column: &str) -> Option<&mut Signal> {
         match column {
             "radial_force_n" => Some(&mut self.force),

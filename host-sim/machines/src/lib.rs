@@ -17,6 +17,7 @@ pub mod log;
 pub mod motion;
 pub mod outside;
 pub mod sampler;
+pub mod sampling;
 pub mod scenarios;
 pub mod simulation;
 pub mod simulations;

@@ -43,6 +43,17 @@ impl Log {
         run.columns.get(at).map(Vec::as_slice)
     }
 
+    /// Returns the log with the digits of the file: microseconds of time, nine significant digits of other columns.
+    pub fn rounded(mut self) -> Self {
+        for run in &mut self.runs {
+            for (name, values) in self.columns.iter().zip(&mut run.columns) {
+                let rounded = if name == "time_s" { microseconds } else { significant };
+                values.iter_mut().for_each(|value| *value = rounded(*value));
+            }
+        }
+        self
+    }
+
     /// Returns the content of `data.csv`. Each number has the fewest digits that read back as the same number.
     pub fn csv(&self) -> String {
         let mut text = format!("run,{}\n", self.columns.join(","));
@@ -58,4 +69,18 @@ impl Log {
         }
         text
     }
+}
+
+/// Rounds to nine significant digits. A value that is no number becomes 0.
+fn significant(value: f64) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return 0.0;
+    }
+    let scale = 10f64.powi(8 - value.abs().log10().floor() as i32);
+    (value * scale).round() / scale
+}
+
+/// Rounds to microseconds.
+fn microseconds(time_s: f64) -> f64 {
+    (time_s * 1e6).round() / 1e6
 }

@@ -18,7 +18,6 @@ pub mod drawn_cause;
 mod excite;
 mod hidden_cause;
 mod hide;
-pub(crate) mod logger;
 mod sensors;
 pub mod setting;
 mod truth;

@@ -30,8 +30,6 @@ pub struct Request {
 pub struct Simulated {
     /// The log.
     pub log: Log,
-    /// Content of `data.csv`, rounded to the resolution of the sensors.
-    pub csv: String,
     /// Content of `truth.json`.
     pub truth: Value,
     /// Description of the hidden effects, one line each. Empty if the request hides none.

@@ -11,14 +11,13 @@ use crate::friction::Seal;
 use crate::joint::Joint;
 use crate::log::Log;
 use crate::motion::{Motion, Speeds, Wave};
-use crate::scenarios::logger;
-use crate::scenarios::setting::{RunSetting, Setting};
+use crate::sampling::PlannedRun;
+use crate::scenarios::setting::Setting;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use serde_json::json;
 use std::f64::consts::TAU;
-use std::fmt::Write;
 
 /// Recording parameters of a campaign.
 #[derive(Clone, Copy, Debug)]
@@ -135,12 +134,13 @@ pub fn record(seed: u64, how: Recording) -> Truth {
     let mut random = Pcg64::seed_from_u64(seed);
     let seal = draw_seal(&mut random, how.loaded);
     let rows = (how.seconds * how.rate_hz).round() as usize;
-    let runs = (0..how.runs).map(|index| RunSetting {
+    let runs = (0..how.runs).map(|index| PlannedRun {
         seed: random.random(),
         motion: motion(index, &seal, &how),
         condition: draw_condition(&mut random, index, &how),
         start_angle: 0.0,
         times: (0..rows).map(|row| row as f64 / how.rate_hz).collect(),
+        lost: Vec::new(),
         held: 0.0,
     });
     let columns = ["position_rad", "radial_force_n", "pressure_diff_pa"];
@@ -149,7 +149,7 @@ pub fn record(seed: u64, how: Recording) -> Truth {
     let joint = Joint::plain(seal);
     let torques: Vec<Vec<f64>> =
         setting.runs.par_iter().map(|run| setting.torque_of_run(&joint, run)).collect();
-    let log = logger::log(&setting, &torques, how.noise_nm);
+    let log = setting.log(&torques, how.noise_nm);
     Truth { seal, seed, recording: how, log }
 }
 
@@ -157,33 +157,6 @@ impl Truth {
     /// Returns the log of the recording.
     pub fn log(&self) -> &Log {
         &self.log
-    }
-
-    /// Returns the content of `data.csv`, with the digits of the sensors.
-    pub fn csv(&self) -> String {
-        let mut text = String::from(
-            "run,time_s,position_rad,velocity_rad_s,torque_nm,radial_force_n,pressure_diff_pa\n",
-        );
-        for run in &self.log.runs {
-            let [time, velocity, torque, position, force, pressure] = &run.columns[..] else {
-                continue;
-            };
-            for row in 0..run.rows() {
-                // Writing to a string does not fail.
-                let _ = writeln!(
-                    text,
-                    "{},{:.6},{:.9},{:.9},{:.6},{:.6},{:.3}",
-                    run.name,
-                    time[row],
-                    position[row],
-                    velocity[row],
-                    torque[row],
-                    force[row],
-                    pressure[row]
-                );
-            }
-        }
-        text
     }
 
     /// Returns the content of `truth.json`: the drawn parameters by name.

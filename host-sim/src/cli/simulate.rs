@@ -117,8 +117,8 @@ pub fn run(arguments: &SimulateArguments) -> Result {
         hide: arguments.hide.clone(),
     };
     let bar = spinner(format!("simulating {}", arguments.scenario.name));
-    let Simulated { log, csv, truth, hidden } = arguments.scenario.simulate(&request)?;
-    let json = pretty(&truth)?;
+    let Simulated { log, truth, hidden } = arguments.scenario.simulate(&request)?;
+    let (csv, json) = (log.csv(), pretty(&truth)?);
     let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
     let format = arguments.format;
     let name = format!("trace.{}", format.extension());

@@ -48,7 +48,7 @@ pub(super) fn fit(
         let inputs = runs.iter().map(|run| campaign.runs[*run].input(&trajectories[*run]));
         let simulated = Machine::bristles(&tried).torques(inputs);
         let read = simulated.iter().zip(&runs).map(|(torque, run)| {
-            campaign.sensing.torque_channel(&campaign.runs[*run].times, torque)
+            campaign.sensing.torque_channel(&campaign.runs[*run].run.times, torque)
         });
         difference(&target, &read.collect())
     };

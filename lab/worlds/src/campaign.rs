@@ -13,8 +13,8 @@ use super::sensing::{Sensing, SensorKind};
 use simulated_machines::conditions::{Condition, Extra, Signal};
 use simulated_machines::friction::Seal;
 use simulated_machines::imposed::{Point, Trajectory};
-use simulated_machines::motion::Motion;
 use simulated_machines::sampler::Sampler;
+use simulated_machines::sampling::PlannedRun;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -25,27 +25,18 @@ const RUNS: (f64, f64) = (3.0, 40.9);
 /// Maximum integration step, s: while the contact slides, and near standstill.
 const MAX_STEP_S: (f64, f64) = (5e-4, 1e-4);
 
-/// A planned run before its simulation.
+/// A planned run, with what acts on its joint besides the operating conditions.
 #[derive(Clone, Debug)]
 pub(super) struct RunPlan {
-    pub motion: Motion,
-    pub start_angle: f64,
-    pub condition: Condition,
+    pub run: PlannedRun,
     pub beside: Beside,
-    /// Sample times, s from the start of the motion.
-    pub times: Vec<f64>,
-    /// Ranges of lost rows.
-    pub lost: Vec<Range<usize>>,
-    /// Contact torque at the start, as a share of the Coulomb level.
-    pub held: f64,
-    pub seed: u64,
 }
 
 impl RunPlan {
     /// Returns the run with a trajectory as the input of a machine.
     pub fn input<'a>(&'a self, trajectory: &'a Trajectory) -> RunInput<'a> {
-        let Self { condition, beside, held, .. } = self;
-        RunInput { condition, beside, trajectory, held: *held }
+        let PlannedRun { condition, held, .. } = &self.run;
+        RunInput { condition, beside: &self.beside, trajectory, held: *held }
     }
 }
 
@@ -64,15 +55,6 @@ pub(super) enum AddedColumn {
     VelocitySetpoint,
 }
 
-/// Clock of the log.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Clock {
-    /// Resolution, s; at least a microsecond.
-    pub step_s: f64,
-    /// Random error of a time stamp, s.
-    pub error_s: f64,
-}
-
 /// A campaign: its plant, sensors and planned runs.
 #[derive(Clone, Debug)]
 pub(super) struct Campaign {
@@ -87,7 +69,6 @@ pub(super) struct Campaign {
     pub columns: Vec<&'static str>,
     pub extras: Vec<Extra>,
     pub added: Vec<(&'static str, AddedColumn)>,
-    pub clock: Clock,
     /// Rigid-body parts of the torque, named as in `--rigid-body`.
     pub rigid_body: Vec<&'static str>,
     /// Time from the start of the first run to the end of the last, s.
@@ -149,7 +130,6 @@ impl Campaign {
             columns,
             extras,
             added: Vec::new(),
-            clock: Clock::default(),
             rigid_body,
             campaign_s,
             correlation,
@@ -158,8 +138,8 @@ impl Campaign {
 
     /// Returns the largest magnitude of a covariate in the campaign.
     pub fn largest(&self, of: impl Fn(&Condition) -> Signal) -> f64 {
-        let largest = |run: &RunPlan| {
-            let signal = of(&run.condition);
+        let largest = |plan: &RunPlan| {
+            let signal = of(&plan.run.condition);
             let end = signal.level + signal.per_s * self.drive.seconds;
             signal.level.abs().max(end.abs()) + signal.swing.abs()
         };
@@ -168,8 +148,8 @@ impl Campaign {
 
     /// Returns the smallest and largest value of a covariate in the campaign.
     pub fn range(&self, of: impl Fn(&Condition) -> Signal) -> (f64, f64) {
-        let ends = self.runs.iter().flat_map(|run| {
-            let signal = of(&run.condition);
+        let ends = self.runs.iter().flat_map(|plan| {
+            let signal = of(&plan.run.condition);
             [signal.at(0.0), signal.at(self.drive.seconds)]
         });
         ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(x), m.max(x)))
@@ -177,11 +157,11 @@ impl Campaign {
 
     /// Returns the true trajectories of all runs.
     pub fn trajectories(&self) -> Vec<Trajectory> {
-        self.runs.iter().map(|run| self.trajectory(run)).collect()
+        self.runs.iter().map(|plan| self.trajectory(&plan.run)).collect()
     }
 
     /// Returns the true trajectory of a run, with integration points between the rows.
-    fn trajectory(&self, run: &RunPlan) -> Trajectory {
+    fn trajectory(&self, run: &PlannedRun) -> Trajectory {
         let mut trajectory = Trajectory::default();
         let slow = 2.0 * self.drive.stribeck_rad_s;
         let mut now = run.motion.at(0.0);
@@ -264,16 +244,16 @@ fn draw_runs(
             })
             .collect();
         let lost = if has_gaps { draw_lost_rows(sampler, count) } else { Vec::new() };
-        RunPlan {
+        let run = PlannedRun {
             motion,
             start_angle: sampler.between(-TAU, TAU),
             condition,
-            beside: Beside::default(),
             times,
             lost,
             held: sampler.between(-0.9, 0.9),
             seed: sampler.seed(),
-        }
+        };
+        RunPlan { run, beside: Beside::default() }
     });
 
     runs.collect()

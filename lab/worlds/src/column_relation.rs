@@ -2,8 +2,9 @@
 
 use simulated_machines::conditions::{Condition, Extra, Signal};
 use simulated_machines::sampler::Sampler;
+use simulated_machines::sampling::PlannedRun;
 use simulated_machines::scenarios::drawn_cause::DrawnCause;
-use simulated_machines::scenarios::setting::{RunSetting, Setting, correlation};
+use simulated_machines::scenarios::setting::{Setting, correlation};
 use simulated_machines::scenarios::{ColumnRelation, Decoy, HiddenCause, Plan, ScenarioTruth};
 
 /// `follower` is an affine function of `leader`, so that `twin` explains the data as well as the truth.
@@ -109,7 +110,7 @@ impl ColumnRelation for Proportional {
         let ((a, b), (c, d)) = (range_of(leader, setting), range(follower));
         let gain = (d - c) / (b - a);
         for run in &mut setting.runs {
-            let signal = column_signal(&mut run.condition, leader).affine(c - gain * a, gain);
+            let signal = column_signal(&run.condition, leader).affine(c - gain * a, gain);
             if let Some(follower) = run.condition.signal_mut(follower) {
                 *follower = signal;
             }
@@ -155,9 +156,9 @@ impl ColumnRelation for Correlated {
 }
 
 /// Returns the signal of a column in a run. The campaign time is available as `time_s`.
-fn column_signal(condition: &mut Condition, column: &str) -> Signal {
+fn column_signal(condition: &Condition, column: &str) -> Signal {
     let campaign = Signal { level: condition.start_s, per_s: 1.0, ..Signal::default() };
-    condition.signal_mut(column).map_or(campaign, |signal| *signal)
+    condition.signal(column).unwrap_or(campaign)
 }
 
 /// Returns the usual range of a column; of `time_s`, the range of the campaign.
@@ -167,11 +168,8 @@ fn range_of(column: &str, setting: &Setting) -> (f64, f64) {
 
 /// Draws the decoy's levels until the correlation over the rows is close to a drawn target.
 fn correlate_decoy(sampler: &mut Sampler, setting: &mut Setting, follows: &str, decoy: &str) {
-    let levels: Vec<f64> = setting
-        .runs
-        .iter_mut()
-        .map(|run| column_signal(&mut run.condition, follows).level)
-        .collect();
+    let levels: Vec<f64> =
+        setting.runs.iter().map(|run| column_signal(&run.condition, follows).level).collect();
     let (c, d) = range(decoy);
     let (middle, half) = (0.5 * (c + d), 0.5 * (d - c));
     for run in &mut setting.runs {
@@ -231,9 +229,8 @@ fn draw_correlated(sampler: &mut Sampler, levels: &[f64], target: f64) -> Vec<f6
 /// Returns the correlation of the magnitudes of two columns over the rows.
 fn correlation_over_rows(setting: &Setting, one: &str, other: &str) -> f64 {
     let values = |column: &str| -> Vec<f64> {
-        let of_run = |run: &RunSetting| {
-            let mut condition = run.condition.clone();
-            let signal = column_signal(&mut condition, column);
+        let of_run = |run: &PlannedRun| {
+            let signal = column_signal(&run.condition, column);
             (0..25)
                 .map(move |step| signal.at(setting.seconds * (f64::from(step) + 0.5) / 25.0).abs())
         };

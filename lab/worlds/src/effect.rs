@@ -112,10 +112,10 @@ fn draw_properties(
 
 /// Returns the friction heat of a whole campaign without cooling, J.
 fn friction_heat_j(campaign: &Campaign) -> f64 {
-    let travel = campaign.runs.iter().map(|run| {
+    let travel = campaign.runs.iter().map(|plan| {
         let grid = 200;
         let step = campaign.drive.seconds / f64::from(grid);
-        let speed = |at: u32| run.motion.at(f64::from(at) * step).velocity.abs();
+        let speed = |at: u32| plan.run.motion.at(f64::from(at) * step).velocity.abs();
         (0..grid).map(speed).sum::<f64>() * step
     });
     (travel.sum::<f64>() * campaign.seal.coulomb_nm).max(1e-6)

@@ -4,16 +4,18 @@
 //! noise, resolution and delay, columns of another joint or of a payload that have no effect, another reading of the torque, and
 //! the set-point of the joint's own velocity.
 
-use super::campaign::{AddedColumn, Campaign, Clock, RunPlan};
+use super::campaign::{AddedColumn, Campaign, RunPlan};
 use super::hidden_effect::HiddenEffect;
 use super::mechanism::{Along, Coupling, Payload, TravelShape};
 use super::motions::{Drive, STYLES, Style, draw_motion};
+use super::sensing::Clock;
 use super::{UnkindWorld, world::World};
 use super::{draw_rigid_joint, effect, family::Family, mechanism::Mechanism, sensor_kind};
 use simulated_machines::conditions::{Extra, Signal};
 use simulated_machines::effects::Wave;
 use simulated_machines::outside::{Curve, Flavour};
 use simulated_machines::sampler::Sampler;
+use simulated_machines::sampling::{CovariateErrors, PlannedRun};
 use simulated_machines::scenarios::HiddenCause;
 use simulated_machines::scenarios::drawn_cause::DrawnCause;
 use std::f64::consts::TAU;
@@ -87,9 +89,10 @@ fn disturb_clock(sampler: &mut Sampler, campaign: &mut Campaign) {
     if sampler.chance(0.25) {
         // Samples stay in order, as the campaign's own jitter is at most 0.15 rows.
         let jitter = sampler.between(0.1, 0.7);
-        for run in &mut campaign.runs {
-            let first = run.times[0];
-            for time in &mut run.times[1..] {
+        for plan in &mut campaign.runs {
+            let times = &mut plan.run.times;
+            let first = times[0];
+            for time in &mut times[1..] {
                 *time =
                     (*time + jitter * row_s * sampler.between(-0.5, 0.5)).max(first + 0.1 * row_s);
             }
@@ -98,7 +101,7 @@ fn disturb_clock(sampler: &mut Sampler, campaign: &mut Campaign) {
     let is_coarse = sampler.chance(0.15);
     let is_inexact = sampler.chance(0.1);
     let error = sampler.between(0.02, 0.3);
-    campaign.clock = Clock {
+    campaign.sensing.clock = Clock {
         step_s: if is_coarse && row_s >= 4e-3 { 1e-3 } else { 0.0 },
         // The samples may be uneven too: both together must not change their order.
         error_s: if is_inexact { 0.3 * error * row_s } else { 0.0 },
@@ -111,10 +114,10 @@ fn disturb_covariates(sampler: &mut Sampler, campaign: &mut Campaign) {
     let resolution = sampler.log_between(1e-3, 0.1);
     let delay_rows = sampler.log_between(1.0, 30.0);
     let sensing = &mut campaign.sensing;
-    sensing.covariate_errors = [
-        if sampler.chance(0.5) { noise } else { 0.0 },
-        if sampler.chance(0.3) { resolution } else { 0.0 },
-    ];
+    sensing.covariate_errors = CovariateErrors {
+        noise: if sampler.chance(0.5) { noise } else { 0.0 },
+        resolution: if sampler.chance(0.3) { resolution } else { 0.0 },
+    };
     if sampler.chance(0.15) {
         sensing.covariate_delay_s = delay_rows / campaign.rate_hz;
     }
@@ -142,7 +145,7 @@ fn prepare(sampler: &mut Sampler, campaign: &mut Campaign, cause: Cause) {
     match cause {
         Cause::Joint(HiddenCause::DwellTimeStatic) => {
             let drive = *drive;
-            for run in &mut campaign.runs {
+            for RunPlan { run, .. } in &mut campaign.runs {
                 if sampler.chance(0.7) {
                     run.motion = draw_motion(sampler, &long(run, &drive), Style::Rests);
                 }
@@ -167,7 +170,7 @@ fn prepare(sampler: &mut Sampler, campaign: &mut Campaign, cause: Cause) {
 }
 
 /// Returns the drive for the whole motion of a run, which may begin before its first row.
-fn long(run: &RunPlan, drive: &Drive) -> Drive {
+fn long(run: &PlannedRun, drive: &Drive) -> Drive {
     Drive { seconds: run.times.last().copied().unwrap_or(drive.seconds), ..*drive }
 }
 
@@ -198,9 +201,9 @@ fn add_other_joint(sampler: &mut Sampler, campaign: &mut Campaign) {
         ..campaign.drive
     };
     let style = sampler.pick(&STYLES[..6]).unwrap_or(Style::MultiSine);
-    for run in &mut campaign.runs {
+    for RunPlan { run, beside } in &mut campaign.runs {
         let motion = draw_motion(sampler, &long(run, &drive), style);
-        run.beside.other = Some(if moves_along { run.motion.clone() } else { motion });
+        beside.other = Some(if moves_along { run.motion.clone() } else { motion });
     }
     let (velocity, acceleration) = OTHER_NAMES[sampler.below(OTHER_NAMES.len())];
     campaign.added.push((velocity, AddedColumn::OtherVelocity));
@@ -215,10 +218,10 @@ fn add_payload(sampler: &mut Sampler, campaign: &mut Campaign) {
     let levels = 1 + sampler.below(4);
     let swing = if name == "extension_m" { sampler.between(0.05, 0.3) } else { 0.0 };
     let seconds = campaign.drive.seconds;
-    for (at, run) in campaign.runs.iter_mut().enumerate() {
+    for (index, plan) in campaign.runs.iter_mut().enumerate() {
         // The first runs have all levels, so that the column varies.
-        let level = if at <= levels { at } else { sampler.below(levels + 1) };
-        run.beside.payload = Signal {
+        let level = if index <= levels { index } else { sampler.below(levels + 1) };
+        plan.beside.payload = Signal {
             level: level as f64 / levels as f64,
             per_s: 0.0,
             swing,
@@ -338,7 +341,7 @@ fn add_extra(sampler: &mut Sampler, campaign: &mut Campaign) -> Extra {
     let extra = all[sampler.below(all.len())];
     let (least, most) = extra.range();
     let is_steady = sampler.chance(0.5);
-    for run in &mut campaign.runs {
+    for plan in &mut campaign.runs {
         let swing = if is_steady { 0.0 } else { sampler.between(0.02, 0.3) * (most - least) };
         let signal = Signal {
             level: sampler.between(least, most),
@@ -347,7 +350,7 @@ fn add_extra(sampler: &mut Sampler, campaign: &mut Campaign) -> Extra {
             hz: sampler.log_between(0.5, 5.0) / campaign.drive.seconds,
             phase: sampler.between(0.0, TAU),
         };
-        run.condition.extras.push((extra, signal));
+        plan.run.condition.extras.push((extra, signal));
     }
     campaign.extras.push(extra);
     extra

@@ -7,14 +7,7 @@
 use super::campaign::RunPlan;
 use super::plant::{Machine, RunInput};
 use simulated_machines::imposed::{Point, Trajectory};
-
-/// Logged angle, velocity and torque of all rows of a run, including lost rows.
-pub(super) struct Logged {
-    pub acceleration: Vec<f64>,
-    pub position: Vec<f64>,
-    pub velocity: Vec<f64>,
-    pub torque: Vec<f64>,
-}
+use simulated_machines::sampling::Readings;
 
 /// A method to reconstruct the motion between rows from a log.
 #[derive(Clone, Copy, Debug)]
@@ -31,18 +24,18 @@ impl Reading {
     /// Returns the reconstructed trajectory.
     pub fn trajectory(
         &self,
-        run: &RunPlan,
+        times: &[f64],
         trajectory: &Trajectory,
-        logged: &Logged,
+        logged: &Readings,
     ) -> Trajectory {
         const PARTS: usize = 3;
         let undelayed = |at: usize| {
             // The velocity at this time is logged one delay later.
-            let when = run.times[at] + self.delay_s;
-            let next = run.times.partition_point(|t| *t < when).min(run.times.len() - 1);
+            let when = times[at] + self.delay_s;
+            let next = times.partition_point(|t| *t < when).min(times.len() - 1);
             logged.velocity[next]
         };
-        let velocity: Vec<f64> = (0..run.times.len()).map(undelayed).collect();
+        let velocity: Vec<f64> = (0..times.len()).map(undelayed).collect();
         let velocity = moving_average(&velocity, self.smooth);
         let angles = if self.angle {
             moving_average(&logged.position, self.smooth)
@@ -50,7 +43,7 @@ impl Reading {
             let mut at = trajectory.points[trajectory.rows[0]].angle;
             let sum = (0..velocity.len()).map(|row| {
                 if row > 0 {
-                    let seconds = run.times[row] - run.times[row - 1];
+                    let seconds = times[row] - times[row - 1];
                     at += 0.5 * (velocity[row] + velocity[row - 1]) * seconds;
                 }
                 at
@@ -68,11 +61,11 @@ impl Reading {
                     let share = part as f64 / PARTS as f64;
                     let between = |of: &[f64]| of[row - 1] + share * (of[row] - of[row - 1]);
                     let (t, angle, velocity) =
-                        (between(&run.times), between(&angles), between(&velocity));
+                        (between(times), between(&angles), between(&velocity));
                     read.points.push(Point { t, angle, velocity });
                 }
             }
-            let point = Point { t: run.times[row], angle: angles[row], velocity: velocity[row] };
+            let point = Point { t: times[row], angle: angles[row], velocity: velocity[row] };
             read.points.push(point);
             read.rows.push(read.points.len() - 1);
         }
@@ -92,7 +85,7 @@ pub(super) fn estimate_start(
     machine: &Machine,
     run: &RunPlan,
     trajectory: &Trajectory,
-    logged: &Logged,
+    logged: &Readings,
     channel: impl Fn(&[f64]) -> Vec<f64>,
 ) -> (Trajectory, f64) {
     let first = trajectory.rows[0];

@@ -16,6 +16,7 @@
 
 use super::devices::{Amplifier, AngleError, SecondOrder};
 use simulated_machines::sampler::Sampler;
+use simulated_machines::sampling::{CovariateErrors, Sensors, TrueRows};
 use std::f64::consts::TAU;
 
 /// Kinds of sensor defect.
@@ -117,6 +118,15 @@ impl FilterShape {
     }
 }
 
+/// Clock of the log.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Clock {
+    /// Resolution, s; at least a microsecond.
+    pub step_s: f64,
+    /// Random error of a time stamp, s.
+    pub error_s: f64,
+}
+
 /// The sensors of a campaign.
 #[derive(Clone, Debug)]
 pub(super) struct Sensing {
@@ -137,14 +147,16 @@ pub(super) struct Sensing {
     motion_rows: usize,
     /// Update rate of the covariates, Hz.
     pub covariate_hz: Option<f64>,
-    /// Noise and resolution of the covariates, as shares of their range.
-    pub covariate_errors: [f64; 2],
+    /// Noise and resolution of the covariates.
+    pub covariate_errors: CovariateErrors,
     /// Delay of the covariates, s.
     pub covariate_delay_s: f64,
     /// Periodic error of the angle. `None` if the angle has no such error.
     angle_error: Option<AngleError>,
     /// Hum and converter of the torque. `None` if the torque has neither.
     amplifier: Option<Amplifier>,
+    /// Clock of the log.
+    pub clock: Clock,
 }
 
 impl Sensing {
@@ -161,10 +173,11 @@ impl Sensing {
             torque_rows: 1,
             motion_rows: 1,
             covariate_hz: None,
-            covariate_errors: [0.0; 2],
+            covariate_errors: CovariateErrors::default(),
             covariate_delay_s: 0.0,
             angle_error: None,
             amplifier: None,
+            clock: Clock::default(),
         }
     }
 
@@ -286,52 +299,6 @@ impl Sensing {
         self.angle_error.is_some() && self.has_position()
     }
 
-    /// Returns the logged angle of each row, rad.
-    pub fn angles(&self, times: &[f64], angles: &[f64]) -> Vec<f64> {
-        let lines = |angle: f64| match self.lines_per_rad {
-            Some(lines) => (angle * lines).floor() / lines,
-            None => angle,
-        };
-        let turned = |angle: f64| self.angle_error.map_or(angle, |error| error.read(angle));
-        let read: Vec<f64> = angles.iter().map(|angle| lines(turned(*angle))).collect();
-        debug_assert_eq!(times.len(), read.len());
-        hold(&read, self.motion_rows)
-    }
-
-    /// Returns the logged velocity of each row, rad/s.
-    pub fn velocities(
-        &self,
-        sampler: &mut Sampler,
-        times: &[f64],
-        angles: &[f64],
-        velocities: &[f64],
-    ) -> Vec<f64> {
-        if let Velocity::Noisy(noise) = self.velocity {
-            let noisy: Vec<f64> = velocities.iter().map(|v| v + noise * sampler.normal()).collect();
-            return hold(&noisy, self.motion_rows);
-        }
-        let read = self.angles(times, angles);
-        let start = velocities.first().copied().unwrap_or(0.0);
-        if let Velocity::Tracked(observer) = self.velocity {
-            return hold(&observer.track(times, &read, start), self.motion_rows);
-        }
-        let mut raw: Vec<f64> = (1..read.len())
-            .map(|at| (read[at] - read[at - 1]) / (times[at] - times[at - 1]).max(1e-9))
-            .collect();
-        raw.insert(0, start);
-        let filtered = match self.velocity {
-            Velocity::LowPassed(corner_hz) => low_pass(times, &raw, corner_hz),
-            Velocity::Averaged(count) => (0..raw.len())
-                .map(|at| {
-                    let from = (at + 1).saturating_sub(count);
-                    raw[from..=at].iter().sum::<f64>() / (at + 1 - from) as f64
-                })
-                .collect(),
-            Velocity::Noisy(_) | Velocity::Tracked(_) => raw,
-        };
-        hold(&filtered, self.motion_rows)
-    }
-
     /// Returns the output of the torque sensor without noise, Nm.
     pub fn torque_channel(&self, times: &[f64], torque: &[f64]) -> Vec<f64> {
         let passed = match self.torque_corner_hz {
@@ -339,29 +306,6 @@ impl Sensing {
             None => torque.to_vec(),
         };
         hold(&passed, self.torque_rows)
-    }
-
-    /// Adds sensor noise to a torque that passed [`Sensing::torque_channel`], Nm.
-    pub fn with_noise(&self, sampler: &mut Sampler, times: &[f64], torque: &[f64]) -> Vec<f64> {
-        let mut noise: Vec<f64> = torque.iter().map(|_| self.noise_nm * sampler.normal()).collect();
-        if self.noise_before || self.torque_rows > 1 {
-            noise = self.torque_channel(times, &noise);
-        }
-        let noisy: Vec<f64> = torque.iter().zip(&noise).map(|(t, n)| t + n).collect();
-        match self.amplifier {
-            // A held torque is converted once.
-            Some(amplifier) => hold(&amplifier.convert(sampler, times, &noisy), self.torque_rows),
-            None => noisy,
-        }
-    }
-
-    /// Returns a covariate's readings at times of the run. Each is at most one update period old.
-    pub fn covariate(&self, times: &[f64], at: &dyn Fn(f64) -> f64) -> Vec<f64> {
-        let refreshed = |t: f64| match self.covariate_hz {
-            Some(hz) => (t * hz).floor() / hz,
-            None => t,
-        };
-        times.iter().map(|&t| at(refreshed(t) - self.covariate_delay_s)).collect()
     }
 
     /// Returns a description of the sensors in one sentence.
@@ -399,6 +343,82 @@ impl Sensing {
         }
         parts.join(", ")
     }
+}
+
+impl Sensors for Sensing {
+    fn angles(&self, rows: &TrueRows) -> Vec<f64> {
+        let lines = |angle: f64| match self.lines_per_rad {
+            Some(lines) => (angle * lines).floor() / lines,
+            None => angle,
+        };
+        let turned = |angle: f64| self.angle_error.map_or(angle, |error| error.read(angle));
+        let read: Vec<f64> = rows.angles.iter().map(|angle| lines(turned(*angle))).collect();
+        hold(&read, self.motion_rows)
+    }
+
+    fn velocities(&self, sampler: &mut Sampler, rows: &TrueRows) -> Vec<f64> {
+        let start = rows.velocities.first().copied().unwrap_or(0.0);
+        let read = match self.velocity {
+            Velocity::Noisy(noise) => {
+                rows.velocities.iter().map(|v| v + noise * sampler.normal()).collect()
+            }
+            Velocity::Tracked(observer) => observer.track(rows.times, &self.angles(rows), start),
+            Velocity::LowPassed(corner_hz) => {
+                low_pass(rows.times, &differences(rows.times, &self.angles(rows), start), corner_hz)
+            }
+            Velocity::Averaged(count) => {
+                let raw = differences(rows.times, &self.angles(rows), start);
+                let mean = |row: usize| {
+                    let from = (row + 1).saturating_sub(count);
+                    raw[from..=row].iter().sum::<f64>() / (row + 1 - from) as f64
+                };
+                (0..raw.len()).map(mean).collect()
+            }
+        };
+        hold(&read, self.motion_rows)
+    }
+
+    /// Adds sensor noise to a torque that passed [`Sensing::torque_channel`], Nm.
+    fn torques(&self, sampler: &mut Sampler, rows: &TrueRows) -> Vec<f64> {
+        let mut noise: Vec<f64> =
+            rows.torques.iter().map(|_| self.noise_nm * sampler.normal()).collect();
+        if self.noise_before || self.torque_rows > 1 {
+            noise = self.torque_channel(rows.times, &noise);
+        }
+        let noisy: Vec<f64> = rows.torques.iter().zip(&noise).map(|(t, n)| t + n).collect();
+        match self.amplifier {
+            // A held torque is converted once.
+            Some(amplifier) => {
+                hold(&amplifier.convert(sampler, rows.times, &noisy), self.torque_rows)
+            }
+            None => noisy,
+        }
+    }
+
+    /// Each reading is at most one update period older than its delay.
+    fn covariate_time_s(&self, time_s: f64) -> f64 {
+        let refreshed_s = self.covariate_hz.map_or(time_s, |hz| (time_s * hz).floor() / hz);
+        refreshed_s - self.covariate_delay_s
+    }
+
+    fn covariate_errors(&self) -> CovariateErrors {
+        self.covariate_errors
+    }
+
+    fn stamp_s(&self, sampler: &mut Sampler, campaign_s: f64) -> f64 {
+        let Clock { step_s, error_s } = self.clock;
+        let error = if error_s > 0.0 { error_s * sampler.between(-0.5, 0.5) } else { 0.0 };
+        let stamp = campaign_s + error;
+        if step_s > 0.0 { (stamp / step_s).round() * step_s } else { stamp }
+    }
+}
+
+/// Returns the velocity from row to row, rad/s. That of the first row is `start`.
+fn differences(times: &[f64], angles: &[f64], start: f64) -> Vec<f64> {
+    let rows = times.windows(2).zip(angles.windows(2));
+    let velocities =
+        rows.map(|(time, angle)| (angle[1] - angle[0]) / (time[1] - time[0]).max(1e-9));
+    std::iter::once(start).chain(velocities).collect()
 }
 
 /// First-order low-pass for uneven times. The initial state is the first value.

@@ -4,7 +4,7 @@ use super::campaign::{Campaign, RunPlan};
 use super::hidden_effect::HiddenEffect;
 use super::mechanism::Mechanism;
 use super::plant::{Machine, Plant};
-use super::reading::{Logged, Reading, estimate_start};
+use super::reading::{Reading, estimate_start};
 use super::sensing::SensorKind;
 use super::trajectory::thinned;
 use super::visible::{Rows, difference, evaluate_visibility, rms};
@@ -13,6 +13,7 @@ use simulated_machines::effects::Wave;
 use simulated_machines::friction::Seal;
 use simulated_machines::imposed::Trajectory;
 use simulated_machines::joint::Joint;
+use simulated_machines::sampling::Readings;
 
 /// A drawn world before its simulation.
 pub(super) struct World {
@@ -27,11 +28,11 @@ impl World {
     fn torques(&self, machine: &Machine, trajectories: &[Trajectory]) -> Rows {
         let Campaign { sensing, runs, .. } = &self.campaign;
         let inputs = runs.iter().zip(trajectories);
-        let torques = machine.torques(inputs.map(|(run, trajectory)| run.input(trajectory)));
+        let torques = machine.torques(inputs.map(|(plan, trajectory)| plan.input(trajectory)));
         let read = torques
             .iter()
             .zip(runs)
-            .map(|(torque, run)| sensing.torque_channel(&run.times, torque));
+            .map(|(torque, plan)| sensing.torque_channel(&plan.run.times, torque));
         read.collect()
     }
 
@@ -75,8 +76,8 @@ impl World {
             return self.campaign.trajectories();
         }
         let mut late = self.campaign.clone();
-        for run in &mut late.runs {
-            run.times.iter_mut().for_each(|t| *t = (*t - delay_s).max(0.0));
+        for plan in &mut late.runs {
+            plan.run.times.iter_mut().for_each(|t| *t = (*t - delay_s).max(0.0));
         }
         late.trajectories()
     }
@@ -142,9 +143,11 @@ impl World {
             self.true_torques(&all, &trajectories)
         };
         let runs = || self.campaign.runs.iter().zip(&trajectories).zip(&torque);
-        let log_with = |mechanism: &Mechanism| -> Vec<Logged> {
+        let log_with = |mechanism: &Mechanism| -> Vec<Readings> {
             runs()
-                .map(|((run, trajectory), torque)| self.log_run(run, mechanism, trajectory, torque))
+                .map(|((plan, trajectory), torque)| {
+                    self.read(&plan.run, mechanism, trajectory, torque)
+                })
                 .collect()
         };
         let logged = log_with(&all);
@@ -165,7 +168,7 @@ impl World {
         let errors =
             self.floor(&fitted(&all), &trajectories, corrected.as_ref().unwrap_or(&logged));
         let kept = |rows: &Rows| -> Rows {
-            let run = |(rows, run): (&Vec<f64>, &RunPlan)| run.keep(rows);
+            let run = |(rows, plan): (&Vec<f64>, &RunPlan)| plan.run.keep(rows);
             rows.iter().zip(&self.campaign.runs).map(run).collect()
         };
         let errors = kept(&errors);
@@ -253,7 +256,12 @@ impl World {
     /// Returns the logged torque minus the torque of bristles with the effects, Nm.
     ///
     /// The motion is the best of several simple reconstructions from the log.
-    fn floor(&self, mechanism: &Mechanism, trajectories: &[Trajectory], logged: &[Logged]) -> Rows {
+    fn floor(
+        &self,
+        mechanism: &Mechanism,
+        trajectories: &[Trajectory],
+        logged: &[Readings],
+    ) -> Rows {
         let sensing = &self.campaign.sensing;
         let machine =
             Machine { covariate_hz: sensing.covariate_hz, ..Machine::bristles(mechanism) };
@@ -263,18 +271,18 @@ impl World {
                 .iter()
                 .zip(trajectories)
                 .zip(logged)
-                .map(|((run, trajectory), logged)| {
-                    estimate_start(&machine, run, trajectory, logged, |torque| {
-                        sensing.torque_channel(&run.times[..torque.len()], torque)
+                .map(|((plan, trajectory), logged)| {
+                    estimate_start(&machine, plan, trajectory, logged, |torque| {
+                        sensing.torque_channel(&plan.run.times[..torque.len()], torque)
                     })
                 })
                 .collect();
-            let inputs = runs.iter().zip(&started).map(|(run, (trajectory, held))| {
-                super::plant::RunInput { held: *held, ..run.input(trajectory) }
+            let inputs = runs.iter().zip(&started).map(|(plan, (trajectory, held))| {
+                super::plant::RunInput { held: *held, ..plan.input(trajectory) }
             });
             let torques = machine.torques(inputs);
-            let run = |((torque, run), logged): ((Vec<f64>, &RunPlan), &Logged)| {
-                let read = sensing.torque_channel(&run.times, &torque);
+            let run = |((torque, plan), logged): ((Vec<f64>, &RunPlan), &Readings)| {
+                let read = sensing.torque_channel(&plan.run.times, &torque);
                 logged.torque.iter().zip(read).map(|(logged, model)| logged - model).collect()
             };
             torques.into_iter().zip(runs).zip(logged).map(run).collect()
@@ -292,7 +300,9 @@ impl World {
         let possible = readings.filter(|reading| !reading.angle || sensing.has_position());
         let tried = possible.map(|reading| {
             let trajectories: Vec<Trajectory> = runs()
-                .map(|((run, trajectory), logged)| reading.trajectory(run, trajectory, logged))
+                .map(|((plan, trajectory), logged)| {
+                    reading.trajectory(&plan.run.times, trajectory, logged)
+                })
                 .collect();
             errors(&trajectories)
         });

@@ -3,7 +3,6 @@
 use super::Scenario;
 use super::drawn_cause::DrawnCause;
 use super::hidden_cause::HiddenCause;
-use super::logger;
 use super::setting::{Options, Setting};
 use super::truth::{Hidden, ScenarioTruth};
 use crate::conditions::{Condition, Extra, Signal};
@@ -217,7 +216,7 @@ impl Trial {
                 columns.iter().copied().filter(|name| causing.contains(name)).collect();
             columns.retain(|name| !causing.contains(name));
         }
-        let log = logger::log(&self.setting, &self.torques, self.noise_nm);
+        let log = self.setting.log(&self.torques, self.noise_nm);
         Scenario { log, truth: ScenarioTruth { missing_columns, ..self.truth(seed) } }
     }
 

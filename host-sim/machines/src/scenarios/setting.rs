@@ -2,13 +2,14 @@
 
 use super::excite::{Drive, draw_motions};
 use super::hidden_cause::HiddenCause;
-use super::sensors::{LossLimits, Sensors};
+use super::sensors::{LossLimits, PlannedSensors};
 use crate::conditions::{Condition, Extra, Signal};
 use crate::friction::Seal;
 use crate::imposed::{Bristles, Machine, Trajectory};
 use crate::joint::Joint;
-use crate::motion::Motion;
+use crate::log::Log;
 use crate::sampler::Sampler;
+use crate::sampling::{self, PlannedRun, ReadRun, Readings, TrueRows};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -30,23 +31,6 @@ pub struct Options {
     pub finer: u32,
 }
 
-/// A planned run before its simulation.
-#[derive(Clone, Debug)]
-pub struct RunSetting {
-    /// Motion of the shaft.
-    pub motion: Motion,
-    /// Angle of the shaft at the start, rad.
-    pub start_angle: f64,
-    /// Operating conditions.
-    pub condition: Condition,
-    /// Sample times, s from the start.
-    pub times: Vec<f64>,
-    /// Bristle torque at the start, as a share of the Coulomb level.
-    pub held: f64,
-    /// Seed of the run's noise.
-    pub seed: u64,
-}
-
 /// A campaign without hidden effects.
 #[derive(Clone, Debug)]
 pub struct Setting {
@@ -57,10 +41,10 @@ pub struct Setting {
     /// Length of each run, s.
     pub seconds: f64,
     /// The runs, in the order of time.
-    pub runs: Vec<RunSetting>,
+    pub runs: Vec<PlannedRun>,
     /// The optional columns of the log.
     pub columns: Vec<&'static str>,
-    pub(super) sensors: Sensors,
+    pub(super) sensors: PlannedSensors,
     /// Time from the start of the first run to the end of the last, s.
     pub campaign_s: f64,
     /// Maximum speed of all runs, rad/s.
@@ -295,7 +279,7 @@ impl Setting {
             rate_hz: size.rate_hz,
             seconds: size.seconds,
         };
-        let sensors = Sensors::draw(&mut sampler);
+        let sensors = PlannedSensors::draw(&mut sampler);
         let loss = LossLimits {
             rate_hz: size.rate_hz,
             seconds: size.seconds,
@@ -312,15 +296,18 @@ impl Setting {
         let columns = draw_columns(&mut sampler, effects, &extras);
         let motions = draw_motions(&mut sampler, &seal, &drive, effects, size.runs);
         let conditions = draw_uncorrelated_conditions(&mut sampler, &size, effects, &extras);
-        let runs: Vec<RunSetting> = motions
+        let runs: Vec<PlannedRun> = motions
             .into_iter()
             .zip(conditions)
             .map(|(motion, condition)| {
-                let lost = sensors.lost(&mut sampler, &motion, &loss);
-                let times = sensors.times(&mut sampler, size.rate_hz, size.seconds, &lost);
+                let lost_s = sensors.lost_s(&mut sampler, &motion, &loss);
+                let times = sensors.times(&mut sampler, size.rate_hz, size.seconds);
+                let row = |time_s: f64| times.partition_point(|t| *t < time_s);
+                let lost = row(lost_s.start)..row(lost_s.end);
                 let start_angle = sampler.between(-TAU, TAU);
                 let held = sampler.between(-0.6, 0.6);
-                RunSetting { motion, start_angle, condition, times, held, seed: sampler.seed() }
+                let seed = sampler.seed();
+                PlannedRun { motion, start_angle, condition, times, lost: vec![lost], held, seed }
             })
             .collect();
         let finer = f64::from(options.finer.max(1));
@@ -329,7 +316,7 @@ impl Setting {
     }
 
     /// Returns a campaign of these runs, with exact sensors and without optional columns.
-    pub fn planned(seal: Seal, rate_hz: f64, seconds: f64, runs: Vec<RunSetting>) -> Self {
+    pub fn planned(seal: Seal, rate_hz: f64, seconds: f64, runs: Vec<PlannedRun>) -> Self {
         let peaks = runs.iter().map(|run| run.motion.peak(seconds));
         let top_rad_s = peaks.fold(0.0, f64::max);
         let campaign_s = runs.last().map_or(0.0, |run| run.condition.start_s + seconds);
@@ -339,7 +326,7 @@ impl Setting {
             seconds,
             runs,
             columns: Vec::new(),
-            sensors: Sensors::default(),
+            sensors: PlannedSensors::default(),
             campaign_s,
             top_rad_s,
             finer: 1.0,
@@ -355,22 +342,27 @@ impl Setting {
         }
     }
 
-    /// Returns the extra columns of the log, in their order.
-    pub fn extra_columns(&self) -> impl Iterator<Item = &'static str> + '_ {
-        let extras = self.runs.first().map_or(&[][..], |run| &run.condition.extras);
-        let names = extras.iter().map(|(extra, _)| extra.column());
-        names.filter(|name| self.columns.contains(name))
+    /// Returns the log of all runs. Sensor noise is added to the true torques, Nm.
+    pub(crate) fn log(&self, torques: &[Vec<f64>], noise_nm: f64) -> Log {
+        let sensors = PlannedSensors { noise_nm, ..self.sensors };
+        let runs = || self.runs.iter().zip(torques);
+        let readings: Vec<Readings> = runs()
+            .map(|(run, torque)| Readings::take(&sensors, run.seed, &TrueRows::new(run, torque)))
+            .collect();
+        let reads = self.runs.iter().zip(&readings);
+        let reads = reads.map(|(run, readings)| ReadRun { run, readings, further: Vec::new() });
+        sampling::log(&sensors, &self.columns, &reads.collect::<Vec<ReadRun>>())
     }
 
     /// Creates the integration points of a run for this joint.
-    fn path(&self, joint: &Joint, run: &RunSetting) -> Trajectory {
+    fn path(&self, joint: &Joint, run: &PlannedRun) -> Trajectory {
         let longest_s = MAX_STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
         let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
         Trajectory::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
     }
 
     /// Returns the true torque of each row of a run, Nm. Its integration points are not kept.
-    pub fn torque_of_run(&self, joint: &Joint, run: &RunSetting) -> Vec<f64> {
+    pub fn torque_of_run(&self, joint: &Joint, run: &PlannedRun) -> Vec<f64> {
         torque(joint, run, &self.path(joint, run), &mut 0.0)
     }
 
@@ -391,7 +383,7 @@ impl Setting {
         };
         // The heat is carried from run to run and decays in the pauses.
         let (mut heat_j, mut until_s) = (0.0, 0.0);
-        let warm = |(run, path): (&RunSetting, &Trajectory)| {
+        let warm = |(run, path): (&PlannedRun, &Trajectory)| {
             let start_s = run.condition.start_s;
             heat_j *= (-(start_s - until_s) / warming.cooling_s).exp();
             until_s = start_s + self.seconds;
@@ -402,7 +394,7 @@ impl Setting {
 }
 
 /// Returns the torque of each row of a run, Nm, and updates the friction heat, J.
-fn torque(joint: &Joint, run: &RunSetting, path: &Trajectory, heat_j: &mut f64) -> Vec<f64> {
+fn torque(joint: &Joint, run: &PlannedRun, path: &Trajectory, heat_j: &mut f64) -> Vec<f64> {
     let contact = &Bristles;
     let machine =
         Machine { joint, contact, covariate_hz: None, splits_reversals: true, film_heats: true };

@@ -241,7 +241,7 @@ fn simulated(scenario: &str, seed: u64, log: Log, p: &Parameters) -> Simulated {
         "hidden": [],
         "parameters": serde_json::Map::from_iter(constants),
     });
-    Simulated { csv: log.csv(), log, truth, hidden: Vec::new() }
+    Simulated { log, truth, hidden: Vec::new() }
 }
 
 #[cfg(test)]

@@ -32,12 +32,7 @@ fn plain(request: &Request) -> Result<Simulated, SimulationError> {
         return Err(SimulationError::TooManyRows { most: MAX_ROWS });
     }
     let truth = record(request.seed, how);
-    Ok(Simulated {
-        csv: truth.csv(),
-        truth: truth.json(),
-        log: truth.log().clone(),
-        hidden: Vec::new(),
-    })
+    Ok(Simulated { truth: truth.json(), log: truth.log().clone(), hidden: Vec::new() })
 }
 
 /// Maximum duration, s, and number of rows with hidden effects. All integration steps are kept in memory.
@@ -67,7 +62,6 @@ fn hidden(request: &Request) -> Result<Simulated, SimulationError> {
     }
     let scenario = scenarios::draw_with(&request.hide, request.seed, &options);
     Ok(Simulated {
-        csv: scenario.log.csv(),
         truth: scenario.truth.json(),
         hidden: in_words(&scenario.truth),
         log: scenario.log,

@@ -4,7 +4,6 @@ use crate::manipulator::course::{FILLED_PA, SECONDS};
 use crate::manipulator::{Campaign, Recording, campaign, friction, rigid_body};
 use serde_json::{Value, json};
 use simulated_machines::{Request, Simulated, Simulation, SimulationError};
-use std::fmt::Write;
 
 /// The arm with three joints and fluidic muscles: the course of the paper, and others for validation.
 pub const MANIPULATOR: Simulation = Simulation {
@@ -37,28 +36,9 @@ fn simulate(request: &Request) -> Result<Simulated, SimulationError> {
         return Err(SimulationError::TooManyRows { most: MAX_ROWS });
     }
     let campaign = campaign(request.seed, runs.saturating_sub(1), &how);
-    let log = campaign.log();
-    let csv = csv(&log);
+    let log = campaign.log().rounded();
     let truth = truth(request.seed, &how, &campaign);
-    Ok(Simulated { csv, truth, log, hidden: Vec::new() })
-}
-
-/// Returns the content of `data.csv`. Each column has the digits of its sensor.
-fn csv(log: &simulated_machines::Log) -> String {
-    let mut text = format!("run,{}\n", log.columns.join(","));
-    let digits: Vec<usize> =
-        log.columns.iter().map(|name| if name.starts_with("pressure") { 0 } else { 6 }).collect();
-    for run in &log.runs {
-        for row in 0..run.rows() {
-            text += &run.name;
-            for (column, digits) in run.columns.iter().zip(&digits) {
-                // Writing to a string does not fail.
-                let _ = write!(text, ",{:.*}", digits, column[row]);
-            }
-            text.push('\n');
-        }
-    }
-    text
+    Ok(Simulated { truth, log, hidden: Vec::new() })
 }
 
 /// Returns the content of `truth.json`.
