@@ -7,9 +7,9 @@
 //! A period of 50 us has two semi-implicit Euler sub-steps. A test compares them with twenty.
 
 mod adjust;
+mod power_stage;
 
 use super::brake::HoldingBrake;
-use super::bridge::lost_v;
 use super::comparators::{Comparators, STEPS_PER_PERIOD};
 use super::gear::Gear;
 use super::load::{Acting, Load};
@@ -25,9 +25,6 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
-
-/// Number of time constants after which `exp(-x)` is negligible in double precision.
-const SETTLING_TIME_CONSTANTS: f64 = 40.0;
 
 /// Sub-steps per period.
 const SUBSTEPS: usize = 2;
@@ -216,36 +213,6 @@ impl JointPlant {
         }
     }
 
-    /// Returns the present measurements of the power stage.
-    pub fn measure(&mut self) -> Measured {
-        let phases = self.phase_currents_a();
-        let shown: [f64; 3] = std::array::from_fn(|phase| self.settled_share(phase));
-        let step = self.p.current_step_a;
-        let mut currents_a = [0.0; 3];
-        for ((measured, current), shown) in currents_a.iter_mut().zip(phases).zip(shown) {
-            let noise: f64 = StandardNormal.sample(&mut self.random);
-            *measured = ((current * shown + self.p.current_noise_a * noise) / step).round() * step;
-        }
-        let turns = self.motor_turns();
-        let encoder = ((turns - turns.floor()) * self.p.encoder_counts) as u32;
-        Measured { currents_a, bus_v: self.bus_v(), encoder }
-    }
-
-    /// Returns the share of the phase current that the shunt amplifier has reached at the sample.
-    ///
-    /// The amplifier settles from 0 while the low side conducts: half of the off time minus the dead time. It is 1 if the
-    /// bridge is open.
-    fn settled_share(&self, phase: usize) -> f64 {
-        let Some(duty) = self.duty else { return 1.0 };
-        let conducted = 0.5 * (1.0 - duty[phase]) * self.period_s - self.p.dead_time_s;
-        // This includes a lag of 0. The remaining error is below double precision.
-        if conducted >= SETTLING_TIME_CONSTANTS * self.p.shunt_lag_s {
-            1.0
-        } else {
-            1.0 - (-conducted.max(0.0) / self.p.shunt_lag_s).exp()
-        }
-    }
-
     /// Returns the present measurements of the sensors at the joint.
     pub fn show(&mut self) -> Shown {
         let mut noisy = |value: f64, deviation: f64| {
@@ -269,16 +236,8 @@ impl JointPlant {
         let steps =
             if near.is_some() { self.substeps.max(STEPS_PER_PERIOD) } else { self.substeps };
         let dt = period_s / steps as f64;
-        if self.step_s != dt {
-            let resistance = self.resistance_ohm();
-            let decay = resistance / self.p.phase_inductance_h * dt;
-            (self.step_s, self.kept) = (dt, (-decay).exp());
-            self.admittance = (1.0 - self.kept) / resistance;
-        }
         (self.duty, self.period_s) = (duty, period_s);
-        let poles = self.p.gear_ratio * self.p.pole_pairs;
-        let constant = self.p.motor_torque_constant_nm_per_a * (1.0 + self.p.torque_constant_error);
-        let flux = constant / (1.5 * self.p.pole_pairs);
+        let constant = self.torque_constant_nm_per_a();
         for step in 0..steps {
             if let (Some(watch), Some(acting)) = (&mut near, duty) {
                 let currents = self.phase_currents_a();
@@ -288,33 +247,8 @@ impl JointPlant {
                     (self.is_tripped, duty) = (true, None);
                 }
             }
-            // Angle at the middle of the sub-step, because the field rotates during the sub-step.
-            let turned =
-                self.rotor.unwrap_or(Rotor { velocity: self.velocity, ..Rotor::at(self.position) });
-            let angle = poles * (turned.position + 0.5 * dt * turned.velocity);
-            let (sine, cosine) = angle.sin_cos();
-            let induced = flux * poles * turned.velocity;
-            let induced = [induced * sine, -induced * cosine];
-            let voltage = match duty {
-                Some(duty) => self.voltage(period_s, duty),
-                None => self.open_voltage(induced),
-            };
-            let [along, across] = self.current;
-            self.lost_j += 1.5 * self.resistance_ohm() * (along * along + across * across) * dt;
-            self.current = [
-                self.kept * along + self.admittance * (voltage[0] + induced[0]),
-                self.kept * across + self.admittance * (voltage[1] + induced[1]),
-            ];
-            if let Some(supply) = &mut self.supply {
-                // Mean current of the sub-step, because the vector rotates by 4 degrees in 25 us at 8 rad/s. With the
-                // initial current, the bus voltage would be several volts too high during braking.
-                let [along, across] =
-                    [0, 1].map(|axis| 0.5 * ([along, across][axis] + self.current[axis]));
-                let power_w = 1.5 * (voltage[0] * along + voltage[1] * across);
-                supply.step(power_w / supply.bus_v().max(1.0), dt);
-            }
-            let turning = self.current[1] * cosine - self.current[0] * sine;
-            self.advance(constant * self.p.gear_ratio * turning, dt);
+            let turning_a = self.conduct(duty, period_s, dt);
+            self.advance(constant * self.p.gear_ratio * turning_a, dt);
         }
         if near.is_some() {
             self.comparators = near;
@@ -325,12 +259,6 @@ impl JointPlant {
             recorded.push(row);
         }
         self.heat(period_s);
-    }
-
-    /// Returns the phase resistance at the present temperature, ohm.
-    fn resistance_ohm(&self) -> f64 {
-        let gain = self.winding.map_or(1.0, |winding| winding.resistance_gain(&self.p));
-        self.p.phase_resistance_ohm * gain
     }
 
     /// Advances the thermal model.
@@ -368,44 +296,10 @@ impl JointPlant {
     pub fn period_at_current(&mut self, period_s: f64, current_a: f64) {
         self.follow_surroundings(period_s);
         let dt = period_s / self.substeps as f64;
-        let constant = self.p.motor_torque_constant_nm_per_a * (1.0 + self.p.torque_constant_error);
+        let constant = self.torque_constant_nm_per_a();
         for _ in 0..self.substeps {
             self.advance(constant * self.p.gear_ratio * current_a, dt);
         }
-    }
-
-    /// Returns the mean voltage of the driving bridge in phase with and orthogonal to phase a, V.
-    fn voltage(&self, period_s: f64, duty: [f64; 3]) -> [f64; 2] {
-        let currents = self.phase_currents_a();
-        let bus = self.bus_v();
-        vector(std::array::from_fn(|phase| {
-            // A half bridge that does not switch has no dead time.
-            let switches = 0.0 < duty[phase] && duty[phase] < 1.0;
-            let lost = if switches {
-                lost_v(&self.p, phase, currents[phase], bus, period_s)
-            } else {
-                self.p.switch_resistance_ohm * currents[phase]
-            };
-            duty[phase] * bus - lost
-        }))
-    }
-
-    /// Returns the voltage of an open bridge in phase with and orthogonal to phase a, V.
-    ///
-    /// The diodes apply half of the bus voltage against each current and block when it reaches 0. If the voltage that ends
-    /// the currents within this sub-step is available, it is applied.
-    fn open_voltage(&self, induced: [f64; 2]) -> [f64; 2] {
-        let bus = self.bus_v();
-        let ends =
-            [0, 1].map(|axis| -self.kept / self.admittance * self.current[axis] - induced[axis]);
-        if phases(ends).into_iter().all(|voltage| voltage.abs() <= 0.5 * bus) {
-            return ends;
-        }
-        vector(self.phase_currents_a().map(|current| match current {
-            current if current > 0.0 => -0.5 * bus,
-            current if current < 0.0 => 0.5 * bus,
-            _ => 0.0,
-        }))
     }
 
     /// Integrates the mechanical motion by `dt` (s).
@@ -485,17 +379,6 @@ impl JointPlant {
         rotor.position += dt * rotor.velocity;
         held
     }
-}
-
-/// Clarke transformation: returns the components in phase with and orthogonal to phase a.
-fn vector([a, b, c]: [f64; 3]) -> [f64; 2] {
-    [(2.0 * a - b - c) / 3.0, (b - c) / 3f64.sqrt()]
-}
-
-/// Inverse Clarke transformation: returns the values of phases a, b, c.
-fn phases([along, across]: [f64; 2]) -> [f64; 3] {
-    let root = 0.75f64.sqrt();
-    [along, -0.5 * along + root * across, -0.5 * along - root * across]
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 //! A test changes the surroundings (supply, water, side load, a stand that holds the output), adds parts (brake, comparators,
 //! thermal model) and reads what no sensor of the joint measures.
 
-use super::{JointPlant, Rotor, phases};
+use super::power_stage::phases;
+use super::{JointPlant, Rotor};
 use crate::joint_plant::comparators::Comparators;
 use crate::joint_plant::orders::OrderAnalyser;
 use crate::joint_plant::supply::Supply;
