@@ -136,18 +136,4 @@ impl Condition {
             }
         }
     }
-
-    /// Returns the signal of a column to change it.
-    pub fn signal_mut(&mut self, column: &str) -> Option<&mut Signal> {
-        match column {
-            "radial_force_n" => Some(&mut self.force),
-            "pressure_diff_pa" => Some(&mut self.pressure),
-            "temperature_c" => Some(&mut self.temperature),
-            "load_torque_nm" => Some(&mut self.load),
-            _ => {
-                let mut extras = self.extras.iter_mut();
-                extras.find(|(extra, _)| extra.column() == column).map(|(_, signal)| signal)
-            }
-        }
-    }
 }

@@ -9,6 +9,8 @@
 //! Side load and pressure raise both levels equally. In the paper, the absolute value is missing and only `F_C` depends
 //! on the load. `tests/seal_equation.rs` integrates the equation by Runge-Kutta steps, for comparison.
 
+use serde_json::{Value, json};
+
 /// True parameters of the seal, SI units, with the names of the paper.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Seal {
@@ -30,4 +32,19 @@ pub struct Seal {
     pub per_force: f64,
     /// Bristle travel per side load, rad/N.
     pub eta3: f64,
+}
+
+impl Seal {
+    /// Returns the parameters without the effects of load and pressure, for `truth.json`.
+    pub(crate) fn json(&self) -> Value {
+        let quantity = |value: f64, unit: &str| json!({"value": value, "unit": unit});
+        json!({
+            "coulomb_torque": quantity(self.coulomb_nm, "Nm"),
+            "static_torque": quantity(self.static_nm, "Nm"),
+            "stribeck_velocity": quantity(self.stribeck_rad_s, "rad/s"),
+            "bristle_stiffness": quantity(self.k0, "Nm/rad"),
+            "bristle_damping": quantity(self.k1, "Nm s/rad"),
+            "viscous_friction": quantity(self.k2, "Nm s/rad"),
+        })
+    }
 }

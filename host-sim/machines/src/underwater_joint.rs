@@ -161,7 +161,10 @@ impl Truth {
 
     /// Returns the content of `truth.json`: the drawn parameters by name.
     pub fn json(&self) -> serde_json::Value {
-        let Seal { k0, k1, k2, coulomb_nm, static_nm, stribeck_rad_s, .. } = self.seal;
+        let mut parameters = self.seal.json();
+        parameters["radial_force_coulomb"] = json!({"value": self.seal.per_force, "unit": "Nm/N"});
+        parameters["pressure_coulomb"] = json!({"value": self.seal.per_pressure, "unit": "Nm/Pa"});
+        parameters["radial_force_rate"] = json!({"value": self.seal.eta3, "unit": "rad/N"});
         let Recording { runs, seconds, rate_hz, noise_nm, loaded, steady } = self.recording;
         json!({
             "schema": 1,
@@ -173,17 +176,7 @@ impl Truth {
                 "runs": runs, "seconds": seconds, "rate_hz": rate_hz,
                 "torque_noise_nm": noise_nm, "loaded": loaded, "steady": steady,
             },
-            "parameters": {
-                "coulomb_torque": {"value": coulomb_nm, "unit": "Nm"},
-                "static_torque": {"value": static_nm, "unit": "Nm"},
-                "stribeck_velocity": {"value": stribeck_rad_s, "unit": "rad/s"},
-                "bristle_stiffness": {"value": k0, "unit": "Nm/rad"},
-                "bristle_damping": {"value": k1, "unit": "Nm s/rad"},
-                "viscous_friction": {"value": k2, "unit": "Nm s/rad"},
-                "radial_force_coulomb": {"value": self.seal.per_force, "unit": "Nm/N"},
-                "pressure_coulomb": {"value": self.seal.per_pressure, "unit": "Nm/Pa"},
-                "radial_force_rate": {"value": self.seal.eta3, "unit": "rad/N"},
-            },
+            "parameters": parameters,
         })
     }
 }

@@ -111,7 +111,7 @@ impl ColumnRelation for Proportional {
         let gain = (d - c) / (b - a);
         for run in &mut setting.runs {
             let signal = column_signal(&run.condition, leader).affine(c - gain * a, gain);
-            if let Some(follower) = run.condition.signal_mut(follower) {
+            if let Some(follower) = signal_mut(&mut run.condition, follower) {
                 *follower = signal;
             }
         }
@@ -161,6 +161,20 @@ fn column_signal(condition: &Condition, column: &str) -> Signal {
     condition.signal(column).unwrap_or(campaign)
 }
 
+/// Returns the signal of a column to change it, or `None` if the conditions do not have the column.
+fn signal_mut<'a>(condition: &'a mut Condition, column: &str) -> Option<&'a mut Signal> {
+    match column {
+        "radial_force_n" => Some(&mut condition.force),
+        "pressure_diff_pa" => Some(&mut condition.pressure),
+        "temperature_c" => Some(&mut condition.temperature),
+        "load_torque_nm" => Some(&mut condition.load),
+        _ => {
+            let mut extras = condition.extras.iter_mut();
+            extras.find(|(extra, _)| extra.column() == column).map(|(_, signal)| signal)
+        }
+    }
+}
+
 /// Returns the usual range of a column; of `time_s`, the range of the campaign.
 fn range_of(column: &str, setting: &Setting) -> (f64, f64) {
     if column == "time_s" { (0.0, setting.campaign_s) } else { range(column) }
@@ -175,7 +189,7 @@ fn correlate_decoy(sampler: &mut Sampler, setting: &mut Setting, follows: &str, 
     for run in &mut setting.runs {
         // Independent variations within a run are reduced, because they would lower the correlation.
         for column in [follows, decoy] {
-            if let Some(signal) = run.condition.signal_mut(column) {
+            if let Some(signal) = signal_mut(&mut run.condition, column) {
                 signal.swing *= 0.3;
                 signal.per_s *= 0.3;
             }
@@ -204,7 +218,7 @@ fn correlate_decoy(sampler: &mut Sampler, setting: &mut Setting, follows: &str, 
 /// Sets the level of a column in each run.
 fn set_levels(setting: &mut Setting, column: &str, levels: &[f64]) {
     for (run, level) in setting.runs.iter_mut().zip(levels) {
-        if let Some(signal) = run.condition.signal_mut(column) {
+        if let Some(signal) = signal_mut(&mut run.condition, column) {
             signal.level = *level;
         }
     }

@@ -87,8 +87,6 @@ impl ScenarioTruth {
                 json!({"column": column, "follows": follows, "correlation": correlation})
             })
             .collect();
-        let quantity = |value: f64, unit: &str| json!({"value": value, "unit": unit});
-        let Seal { k0, k1, k2, coulomb_nm, static_nm, stribeck_rad_s, .. } = self.seal;
         json!({
             "schema": 1,
             "origin": "simulated",
@@ -106,14 +104,7 @@ impl ScenarioTruth {
                 "torque_noise_nm": self.noise_nm, "jitter": self.jitter, "gaps": self.gaps,
                 "encoder_errors": self.encoder,
             },
-            "parameters": {
-                "coulomb_torque": quantity(coulomb_nm, "Nm"),
-                "static_torque": quantity(static_nm, "Nm"),
-                "stribeck_velocity": quantity(stribeck_rad_s, "rad/s"),
-                "bristle_stiffness": quantity(k0, "Nm/rad"),
-                "bristle_damping": quantity(k1, "Nm s/rad"),
-                "viscous_friction": quantity(k2, "Nm s/rad"),
-            },
+            "parameters": self.seal.json(),
         })
     }
 }
