@@ -38,8 +38,7 @@ pub(super) fn fit(
     trajectories: &[Trajectory],
     torque: &Rows,
 ) -> Seal {
-    let (_, most_runs) = campaign.family.model_effort();
-    let every = campaign.runs.len().div_ceil(most_runs);
+    let every = campaign.runs.len().div_ceil(campaign.family.model_effort().fitted_runs);
     let runs: Vec<usize> = (0..campaign.runs.len()).step_by(every).collect();
     let target: Rows = runs.iter().map(|run| torque[*run].clone()).collect();
     let errors = |at: &[f64; PARAMETERS]| {

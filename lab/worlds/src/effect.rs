@@ -2,7 +2,7 @@
 
 use super::campaign::Campaign;
 use simulated_machines::conditions::Signal;
-use simulated_machines::effects::Wave;
+use simulated_machines::effects::{Warming, Wave};
 use simulated_machines::outside::Flavour;
 use simulated_machines::sampler::Sampler;
 use simulated_machines::scenarios::HiddenCause;
@@ -82,10 +82,11 @@ fn draw_properties(
         run_in_s: sampler.chance(0.5).then(|| sampler.between(0.15, 0.5) * campaign.campaign_s),
         campaign_s: campaign.campaign_s,
         leak: 0.0,
-        warming: (
-            heat_j * sampler.log_between(0.1, 1.0),
-            campaign.campaign_s * sampler.log_between(0.1, 10.0),
-        ),
+        warming: Warming {
+            energy_j: heat_j * sampler.log_between(0.1, 1.0),
+            cooling_s: campaign.campaign_s * sampler.log_between(0.1, 10.0),
+            fall: 0.0,
+        },
         flavour,
         ..DrawnCause::of(effect)
     };

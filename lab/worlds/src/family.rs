@@ -18,6 +18,15 @@ pub enum Family {
 /// Share of the training worlds whose plant consists of slip elements.
 const SLIP_ELEMENT_SHARE: f64 = 0.4;
 
+/// Effort of the models of a world, beside that of its true plant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ModelEffort {
+    /// Number of integration points of the true plant for one of a model.
+    pub stride: usize,
+    /// Number of runs to which a model is fitted, at most.
+    pub fitted_runs: usize,
+}
+
 /// Kinds of plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PlantKind {
@@ -76,12 +85,11 @@ impl Family {
         }
     }
 
-    /// Returns the number of integration points of the true plant for one of a model, and the number of runs to which a
-    /// model is fitted. Thousands of mixed worlds are drawn, and most of their time is that of the models.
-    pub(super) const fn model_effort(self) -> (usize, usize) {
+    /// Returns the effort of the models. Thousands of mixed worlds are drawn, and most of their time is that of the models.
+    pub(super) const fn model_effort(self) -> ModelEffort {
         match self {
-            Family::Training | Family::LubricatedSeal => (1, 6),
-            Family::Mixed => (4, 3),
+            Family::Training | Family::LubricatedSeal => ModelEffort { stride: 1, fitted_runs: 6 },
+            Family::Mixed => ModelEffort { stride: 4, fitted_runs: 3 },
         }
     }
 

@@ -47,7 +47,7 @@ impl World {
 
     /// Returns the trajectories of the models, `delay_s` earlier.
     fn model_trajectories(&self, delay_s: f64) -> Vec<Trajectory> {
-        let (stride, _) = self.campaign.family.model_effort();
+        let stride = self.campaign.family.model_effort().stride;
         self.trajectories(delay_s).iter().map(|whole| thinned(whole, stride)).collect()
     }
 

@@ -10,14 +10,20 @@ const STEP_RAMP_S: f64 = 2.0;
 pub struct Course {
     /// Constant part.
     pub base: f64,
-    /// Amplitude and period (s) of a slow oscillation.
-    pub tide: [f64; 2],
-    /// Amplitude and frequency (Hz) of a fast oscillation.
-    pub wave: [f64; 2],
-    /// Size and time (s) of a step.
-    pub step: [f64; 2],
-    /// Phase of the tide at time 0, rad.
-    pub phase_rad: f64,
+    /// Amplitude of a slow oscillation.
+    pub tide: f64,
+    /// Its period, s.
+    pub tide_period_s: f64,
+    /// Its phase at time 0, rad.
+    pub tide_phase_rad: f64,
+    /// Amplitude of a fast oscillation.
+    pub wave: f64,
+    /// Its frequency, Hz.
+    pub wave_hz: f64,
+    /// Size of a step.
+    pub step: f64,
+    /// Its time, s.
+    pub step_at_s: f64,
 }
 
 impl Course {
@@ -32,13 +38,10 @@ impl Course {
             0.0 => 0.0,
             _ => size * (TAU * turns + phase).sin(),
         };
-        let [tide, period_s] = self.tide;
-        let [wave, hz] = self.wave;
-        let [step, step_s] = self.step;
         self.base
-            + oscillation(tide, time_s / period_s, self.phase_rad)
-            + oscillation(wave, time_s * hz, 0.0)
-            + step * ((time_s - step_s) / STEP_RAMP_S).clamp(0.0, 1.0)
+            + oscillation(self.tide, time_s / self.tide_period_s, self.tide_phase_rad)
+            + oscillation(self.wave, time_s * self.wave_hz, 0.0)
+            + self.step * ((time_s - self.step_at_s) / STEP_RAMP_S).clamp(0.0, 1.0)
     }
 }
 
@@ -61,10 +64,13 @@ mod tests {
     fn course_is_the_sum_of_its_parts() {
         let course = Course {
             base: 10.0,
-            tide: [2.0, 100.0],
-            wave: [0.5, 1.0],
-            step: [4.0, 50.0],
-            phase_rad: 0.0,
+            tide: 2.0,
+            tide_period_s: 100.0,
+            wave: 0.5,
+            wave_hz: 1.0,
+            step: 4.0,
+            step_at_s: 50.0,
+            ..Course::default()
         };
         assert!((course.at(0.25) - 10.0 - 2.0 * (TAU * 0.0025).sin() - 0.5).abs() < 1e-12);
         assert!((course.at(51.0) - 12.0 - 2.0 * (TAU * 0.51).sin()).abs() < 1e-9);

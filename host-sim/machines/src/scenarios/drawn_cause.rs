@@ -33,8 +33,8 @@ pub struct DrawnCause {
     pub campaign_s: f64,
     /// Share of the motion within a backlash that reaches the bristles.
     pub leak: f64,
-    /// Characteristic heat of the warm-up, J, and time constant of the cooling, s.
-    pub warming: (f64, f64),
+    /// Heat of the warm-up and time of its cooling; its fall is the size.
+    pub warming: Warming,
     /// Kind of an effect outside the catalogue.
     pub flavour: Option<Flavour>,
 }
@@ -63,7 +63,7 @@ impl DrawnCause {
             run_in_s: None,
             campaign_s: 1.0,
             leak: 0.02,
-            warming: (50.0, 300.0),
+            warming: Warming { fall: 0.0, energy_j: 50.0, cooling_s: 300.0 },
             flavour: None,
         }
     }
@@ -98,7 +98,8 @@ impl DrawnCause {
             ..Self::of(effect)
         };
         if effect == HiddenCause::WarmUp {
-            hidden.warming = (sampler.log_between(20.0, 150.0), sampler.log_between(60.0, 900.0));
+            hidden.warming.energy_j = sampler.log_between(20.0, 150.0);
+            hidden.warming.cooling_s = sampler.log_between(60.0, 900.0);
         }
         let (least, most) = hidden.limits(setting);
         // The size is scaled later to the target visibility. The usual sizes must not reveal the cause.
@@ -217,8 +218,7 @@ impl DrawnCause {
                 joint.stiffening = Some(Thinning { per_k: size, reference_c: self.reference_c });
             }
             HiddenCause::WarmUp => {
-                let (energy_j, cooling_s) = self.warming;
-                joint.warming = Some(Warming { fall: size, energy_j, cooling_s });
+                joint.warming = Some(Warming { fall: size, ..self.warming });
             }
             HiddenCause::OutsideCatalogue => {
                 joint.outside = self.flavour.map(|flavour| Outside { flavour, size });
@@ -261,7 +261,8 @@ impl DrawnCause {
             }
             HiddenCause::GravityImbalance => vec![("phase_rad", self.phase)],
             HiddenCause::WarmUp => {
-                vec![("energy_j", self.warming.0), ("cooling_s", self.warming.1)]
+                let Warming { energy_j, cooling_s, .. } = self.warming;
+                vec![("energy_j", energy_j), ("cooling_s", cooling_s)]
             }
             HiddenCause::TemperatureViscous | HiddenCause::TemperatureCoulomb => {
                 vec![("reference_c", self.reference_c)]

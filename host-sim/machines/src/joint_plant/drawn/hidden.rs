@@ -1,7 +1,7 @@
 //! The effects that a drawn joint can hide: which, how large, and the surroundings that show them.
 
 use super::DrawnJoint;
-use crate::effects::Wave;
+use crate::effects::{Warming, Wave};
 use crate::joint_plant::contact::FrictionFamily;
 use crate::joint_plant::effects::DRIFT_S;
 use crate::joint_plant::surroundings::Course;
@@ -17,11 +17,19 @@ const VISIBLE_SHARE: (f64, f64) = (0.15, 0.6);
 const USUAL_SPEED_RAD_S: f64 = 1.5;
 const USUAL_ACCELERATION_RAD_S2: f64 = 5.0;
 
-/// Ranges of the varying surroundings: side load, N, pressure difference, Pa, water temperature, deg C, each with the
-/// smallest swing of a course.
-const SIDE_LOAD_N: [f64; 3] = [5.0, 90.0, 40.0];
-pub(super) const PRESSURE_PA: [f64; 3] = [1e4, 2.7e5, 1.2e5];
-pub(super) const WATER_C: [f64; 3] = [4.0, 26.0, 10.0];
+/// Range of a surrounding quantity, and the smallest swing of a course that shows an effect of it.
+#[derive(Clone, Copy)]
+pub(super) struct VaryingRange {
+    least: f64,
+    most: f64,
+    least_swing: f64,
+}
+
+/// Ranges of the side load, N, of the pressure difference, Pa, and of the water temperature, deg C.
+const SIDE_LOAD_N: VaryingRange = VaryingRange { least: 5.0, most: 90.0, least_swing: 40.0 };
+pub(super) const PRESSURE_PA: VaryingRange =
+    VaryingRange { least: 1e4, most: 2.7e5, least_swing: 1.2e5 };
+pub(super) const WATER_C: VaryingRange = VaryingRange { least: 4.0, most: 26.0, least_swing: 10.0 };
 
 /// Swing of the side load for an effect of its rate, N, and its frequency, Hz: waves at a leg.
 const WAVE_N: f64 = 15.0;
@@ -91,7 +99,11 @@ pub(super) fn draw(
         harmonics: vec![harmonic],
         onset_s: sampler.log_between(0.02, 0.5),
         forgetting_rad: sampler.log_between(5e-3, 2e-2),
-        warming: (sampler.log_between(10.0, 60.0), sampler.log_between(120.0, 900.0)),
+        warming: Warming {
+            energy_j: sampler.log_between(10.0, 60.0),
+            cooling_s: sampler.log_between(120.0, 900.0),
+            fall: 0.0,
+        },
         campaign_s: DRIFT_S,
         ..DrawnCause::of(cause)
     };
@@ -111,18 +123,18 @@ fn visible_size(effect: &DrawnCause, sampler: &mut Sampler, joint: &DrawnJoint) 
     let sign = sampler.sign();
     let torque_nm = share * joint.friction_nm;
     match effect.effect {
-        HiddenCause::RadialForceCoulomb => torque_nm / SIDE_LOAD_N[2],
+        HiddenCause::RadialForceCoulomb => torque_nm / SIDE_LOAD_N.least_swing,
         HiddenCause::RadialForceRate => {
             let travel = joint.friction_nm / joint.constants.presliding_stiffness_nm_per_rad;
             // A wave shears the contact beyond presliding, or the motion of the joint would not show it.
             3.0 * share * travel / WAVE_N
         }
-        HiddenCause::PressureCoulomb => torque_nm / PRESSURE_PA[2],
+        HiddenCause::PressureCoulomb => torque_nm / PRESSURE_PA.least_swing,
         // The viscous torque at the usual speed changes by this share of the level over the swing.
         HiddenCause::TemperatureViscous => {
-            2.0 * (share / (2.0 * VISCOUS_SHARE)).asinh() / WATER_C[2]
+            2.0 * (share / (2.0 * VISCOUS_SHARE)).asinh() / WATER_C.least_swing
         }
-        HiddenCause::TemperatureCoulomb => 2.0 * (0.5 * share).asinh() / WATER_C[2],
+        HiddenCause::TemperatureCoulomb => 2.0 * (0.5 * share).asinh() / WATER_C.least_swing,
         HiddenCause::DirectionAsymmetry => 0.7 * share * sign,
         HiddenCause::TorqueOffset => torque_nm * sign,
         HiddenCause::QuadraticDrag => torque_nm / (USUAL_SPEED_RAD_S * USUAL_SPEED_RAD_S),
@@ -152,42 +164,37 @@ pub(super) fn viscous_nm_s_per_rad(friction_nm: f64) -> f64 {
 const VISCOUS_SHARE: f64 = 0.6;
 
 /// Draws a course within a range that swings by at least a given amount: a tide, a step, or both.
-pub(super) fn vary(sampler: &mut Sampler, [least, most, swing]: [f64; 3]) -> Course {
-    let full = sampler.between(swing, most - least);
-    let base = sampler.between(least, most - full);
-    let period_s = sampler.log_between(TIDE_S.0, TIDE_S.1);
-    let (phase_rad, step_s) =
-        (sampler.between(0.0, TAU), sampler.between(STEP_AT_S.0, STEP_AT_S.1));
+pub(super) fn vary(sampler: &mut Sampler, range: VaryingRange) -> Course {
+    let VaryingRange { least, most, least_swing } = range;
+    let swing = sampler.between(least_swing, most - least);
+    let low = sampler.between(least, most - swing);
+    let tide_period_s = sampler.log_between(TIDE_S.0, TIDE_S.1);
+    let tide_phase_rad = sampler.between(0.0, TAU);
+    let step_at_s = sampler.between(STEP_AT_S.0, STEP_AT_S.1);
     let sign = sampler.sign();
+    let before_step = if sign > 0.0 { low } else { low + swing };
+    let [tide, step] = [
+        Course { tide_period_s, tide_phase_rad, ..Course::default() },
+        Course { step_at_s, ..Course::default() },
+    ];
     match sampler.below(3) {
-        0 => Course {
-            base: base + 0.5 * full,
-            tide: [0.5 * full, period_s],
-            phase_rad,
-            ..Course::default()
+        0 => Course { base: low + 0.5 * swing, tide: 0.5 * swing, ..tide },
+        1 => Course { base: before_step, step: sign * swing, ..step },
+        _ => Course {
+            base: before_step + 0.2 * sign * swing,
+            tide: 0.2 * swing,
+            step: 0.6 * sign * swing,
+            step_at_s,
+            ..tide
         },
-        1 => {
-            let from = if sign > 0.0 { base } else { base + full };
-            Course { base: from, step: [sign * full, step_s], ..Course::default() }
-        }
-        _ => {
-            let from = if sign > 0.0 { base } else { base + full };
-            Course {
-                base: from + 0.2 * sign * full,
-                tide: [0.2 * full, period_s],
-                step: [0.6 * sign * full, step_s],
-                phase_rad,
-                ..Course::default()
-            }
-        }
     }
 }
 
 /// Draws the side load of an effect of it, N.
 pub(super) fn side_load(sampler: &mut Sampler, cause: HiddenCause) -> Course {
     if cause == HiddenCause::RadialForceRate {
-        let hz = sampler.between(WAVE_HZ.0, WAVE_HZ.1);
-        return Course { base: 2.0 * WAVE_N, wave: [WAVE_N, hz], ..Course::default() };
+        let wave_hz = sampler.between(WAVE_HZ.0, WAVE_HZ.1);
+        return Course { base: 2.0 * WAVE_N, wave: WAVE_N, wave_hz, ..Course::default() };
     }
     vary(sampler, SIDE_LOAD_N)
 }

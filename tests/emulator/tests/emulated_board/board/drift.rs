@@ -123,7 +123,7 @@ impl Drift {
 
     /// Returns the course of a quantity that rises by `size` until the end of the drift.
     fn course(base: f64, size: f64) -> Course {
-        Course { base, tide: [size, 4.0 * DRIFT_S], ..Course::default() }
+        Course { base, tide: size, tide_period_s: 4.0 * DRIFT_S, ..Course::default() }
     }
 
     fn wear(self, time_s: f64) -> f64 {
