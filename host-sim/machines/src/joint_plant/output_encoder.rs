@@ -16,8 +16,9 @@ pub struct OutputEncoder {
     serial: SerialEncoder,
     /// Its angle at the output position 0, turns.
     pub zero_turns: f64,
-    /// Amplitude of the error once per turn, rad, and its phase, rad.
-    pub eccentricity: [f64; 2],
+    /// Amplitude of the error once per turn, rad.
+    pub eccentricity_rad: f64,
+    eccentric_phase_rad: f64,
     /// It falls while the output moves in its positive direction.
     pub is_reversed: bool,
 }
@@ -31,7 +32,8 @@ impl OutputEncoder {
         Self {
             serial,
             zero_turns: random.random_range(0.0..1.0),
-            eccentricity: [random.random_range(ECCENTRICITY_RAD), random.random_range(0.0..TAU)],
+            eccentricity_rad: random.random_range(ECCENTRICITY_RAD),
+            eccentric_phase_rad: random.random_range(0.0..TAU),
             is_reversed: false,
         }
     }
@@ -48,8 +50,8 @@ impl OutputEncoder {
 
     /// Latches the output at this position, rad. Returns the levels of the line, as [`SerialEncoder::frame`].
     pub fn frame(&mut self, position_rad: f64) -> u64 {
-        let [amplitude_rad, phase_rad] = self.eccentricity;
-        let shown_rad = position_rad + amplitude_rad * (position_rad + phase_rad).sin();
+        let error_rad = self.eccentricity_rad * (position_rad + self.eccentric_phase_rad).sin();
+        let shown_rad = position_rad + error_rad;
         let direction = if self.is_reversed { -1.0 } else { 1.0 };
         self.serial.frame(direction * shown_rad / TAU + self.zero_turns)
     }
@@ -68,7 +70,8 @@ mod tests {
     fn output_encoder_is_off_once_per_turn_by_its_eccentricity() {
         let mut encoder = OutputEncoder::new(3);
         encoder.set_noise(0.0);
-        (encoder.zero_turns, encoder.eccentricity) = (0.25, [1e-3, 0.0]);
+        encoder.zero_turns = 0.25;
+        (encoder.eccentricity_rad, encoder.eccentric_phase_rad) = (1e-3, 0.0);
         let quarter = turns(&mut encoder, TAU / 4.0) - 0.25;
         assert!((TAU * quarter - TAU / 4.0 - 1e-3).abs() < 3e-5, "{quarter}");
         encoder.is_reversed = true;
