@@ -15,10 +15,10 @@ use crate::control::probe::ProbeReport;
 use crate::control::transform::RAD_PER_UNIT;
 use core::f32::consts::{PI, TAU};
 
-/// Speeds of the field, electrical turns per second. The faster one is reduced if its induced voltage would
-/// exceed a quarter of the voltage that drives the current.
+/// Speeds of the field, electrical turns per second.
 pub(super) const SLOW_HZ: f32 = 4.0;
 const FAST_HZ: f32 = 24.0;
+/// Share of the voltage that drives the current, up to which the faster field may induce a voltage; it is reduced beyond.
 const MAX_EMF_SHARE: f32 = 0.35;
 /// Limits of the current while the field turns, as shares: minimum along the field, maximum across it.
 const MIN_ALONG_SHARE: f32 = 0.4;
