@@ -94,7 +94,10 @@ impl JointBase {
     ) -> Option<Result<(), Abort>> {
         match (at.index, at.subindex) {
             (index::ERROR_FIELD, _) if number == 0 => self.history.clear_errors(),
-            (index::ERROR_FIELD, _) => return Some(Err(Abort::Value)),
+            (index::ERROR_FIELD, _) => {
+                let name = text!("predefined_error_field");
+                return Some(Err(self.refuse_setting(name, text!("0, which clears it"))));
+            }
             (index::STORE, _) if number == SAVE_SIGNATURE => return None,
             (index::RESTORE, _) if number == LOAD_SIGNATURE => return None,
             (index::STORE | index::RESTORE, _) => {

@@ -188,11 +188,17 @@ impl<F: NorFlash> Device<F> {
 
     /// 2030h:11: starts (1) or ends (0) a test on request.
     pub(crate) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
-        if order == 0 {
-            if self.motion.brake_test.is_running() {
+        match order {
+            0 if self.motion.brake_test.is_running() => {
                 self.disarm();
+                return Ok(());
             }
-            return Ok(());
+            0 => return Ok(()),
+            1 => {}
+            _ => {
+                let legal = text!("0 (end) or 1 (test)");
+                return Err(self.base.refuse_setting(text!("test_order"), legal));
+            }
         }
         let drive = &self.base.settings.drive;
         let why = if drive.brake_output == 0 {
