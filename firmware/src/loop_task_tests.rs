@@ -316,7 +316,7 @@ fn current_share_limits_the_sum_also_after_a_swap() {
 #[test]
 fn parts_to_measure_only_never_drive_and_report_no_internal_error() {
     let mut bench = Bench::new();
-    bench.task.swap(&parts().measure_only());
+    bench.task.swap(&LoopParts { may_drive: false, ..parts() });
     bench.task.apply_commands(drive(1.0));
     assert!(!bench.is_driving());
     assert!(!bench.next_report().loop_flags.contains(LoopFlags::NOT_FINITE));
