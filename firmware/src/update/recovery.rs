@@ -10,6 +10,8 @@ use crate::node::dictionary::index;
 use crate::node::dictionary::records::{IdentityObject, ProgramObject};
 use crate::node::sdo::{Abort, Objects, SdoServer, ValueBuffer};
 use crate::node::{Network, NmtAction, Outbox};
+use crate::node_settings::BusSettings;
+use crate::store::{FoundIdentity, LoadedSet, MAX_PAYLOAD, Store, is_newer};
 use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId, cob_id};
 use embedded_storage::nor_flash::NorFlash;
@@ -27,6 +29,32 @@ pub fn identity(serial_number: u32) -> IdentityObject {
         revision_number: compensator_core::record::VERSION.into(),
         serial_number,
     }
+}
+
+/// Reads node number and bit rates from the newest copy of the joint's identity, or from the newest set if no copy is intact;
+/// the defaults if there are none.
+// Not inlined: the stack of a set is free again afterwards.
+#[inline(never)]
+pub fn stored_settings<F: NorFlash>(flash: &mut F, program: &Program) -> BusSettings {
+    let mut store = Store::open_within(&mut *flash, program.other_store());
+    if let FoundIdentity::Copy(copy) = store.find_identity(Some(program.running_store()))
+        && let Some(settings) = copy.identity.first_chunk().and_then(BusSettings::parse)
+    {
+        return settings;
+    }
+    let mut newest = None;
+    let mut newest_settings = BusSettings::default();
+    for slots in [program.other_store(), program.running_store()] {
+        let mut block = [0; MAX_PAYLOAD];
+        let loaded = Store::open_within(&mut *flash, slots).load(&mut block);
+        if let Ok(LoadedSet { sequence, .. }) = loaded
+            && let Some(settings) = block.first_chunk().and_then(BusSettings::parse)
+            && newest.is_none_or(|newest| is_newer(sequence, newest))
+        {
+            (newest, newest_settings) = (Some(sequence), settings);
+        }
+    }
+    newest_settings
 }
 
 /// The node in recovery.
