@@ -32,7 +32,7 @@ use crate::joint_node::{BoardOutput, BoardState, Boot, Equipment, Identity, Join
 use crate::level_learner::LevelLearner;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::lss::Lss;
-use crate::node::{Network, NmtAction};
+use crate::node::{Emergency, Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
@@ -370,8 +370,8 @@ impl<F: NorFlash> Joint for Device<F> {
         }
     }
 
-    fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
+    fn next_emergency(&mut self) -> Option<Emergency> {
         let joint_encoder = self.joint_encoder.state();
-        self.base.next_event(joint_encoder)
+        self.base.next_emergency(joint_encoder)
     }
 }

@@ -4,7 +4,6 @@
 //! drives a bridge. A package is received into the second slot.
 
 use super::Program;
-use super::package::Version;
 use super::session::{RequestError, Session};
 use crate::node::dictionary::index;
 use crate::node::dictionary::records::{IdentityObject, ProgramObject};
@@ -151,26 +150,6 @@ impl<F: NorFlash> Recovery<F> {
     }
 }
 
-impl<F: NorFlash> RecoveryObjects<F> {
-    fn program(&self) -> ProgramObject {
-        let (received_bytes, receiving) = self.session.received();
-        ProgramObject {
-            board: self.session.program().board.number,
-            version: Version(0).0,
-            rollback_counter: 0,
-            state: RECOVERY_STATE,
-            other_version: self.session.other().1,
-            other_state: self.session.other().2 as u32,
-            receiving,
-            received_bytes,
-            identity: 0,
-            accepted_address: self.session.accepted_address(),
-            wiring: self.session.program().board.wiring,
-            update_key: self.session.update_key(),
-        }
-    }
-}
-
 impl<F: NorFlash> Objects for RecoveryObjects<F> {
     fn check_write(&mut self, at: Address, _length: Option<usize>) -> Result<(), Abort> {
         match (at.index, at.subindex) {
@@ -208,9 +187,11 @@ impl<F: NorFlash> Objects for RecoveryObjects<F> {
         let words: &[u32] = match at.index {
             index::IDENTITY => &self.identity.words(),
             index::PROGRAM_CONTROL => &[u32::from(!self.session.is_active())],
-            index::PROGRAM_IDENTIFICATION => &[0, self.session.other().0],
+            index::PROGRAM_IDENTIFICATION => &[0, self.session.other_crc()],
             index::FLASH_STATUS => &[self.session.flash_status()],
-            index::PROGRAM => &self.program().words(),
+            index::PROGRAM => {
+                &ProgramObject { state: RECOVERY_STATE, ..self.session.object() }.words()
+            }
             index::DEVICE_NAME => {
                 return value.extend_from_slice(b"recovery").map_err(|_| Abort::Memory);
             }
