@@ -23,7 +23,9 @@ use crate::node_settings::{InputSource, MAX_BLOCK_BYTES, NodeSettings, split_blo
 use crate::parameter_set::ParameterSet;
 use crate::start_values::StartRecord;
 use crate::store::{LoadError, Store, StoreHealth};
-use crate::supervisor::{CanState, Code, Observation, ParameterSource, Supervisor, SupervisorBoot};
+use crate::supervisor::{
+    CanState, Code, JointState, Observation, ParameterSource, Supervisor, SupervisorBoot,
+};
 use crate::watch::{ResidualWatch, WatchParameters};
 use compensator_core::can::{Frame, Message, NodeId};
 use compensator_core::refusal;
@@ -124,6 +126,14 @@ impl JointBase {
     /// Returns the last report of the current loop.
     pub(crate) const fn report(&self) -> &LoopReport {
         self.current_loop.report()
+    }
+
+    /// Returns the state of the joint, which may be armed in HIL.
+    pub(crate) fn state(&self) -> JointState {
+        match self.supervisor.state() {
+            JointState::Safe if self.is_hil_armed => JointState::Armed,
+            state => state,
+        }
     }
 
     /// Returns true if the joint is armed, on its own sensors or in HIL.

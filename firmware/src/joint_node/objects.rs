@@ -11,7 +11,6 @@ use crate::node::sdo::{Abort, ValueBuffer};
 use crate::node_settings::NodeSettings;
 use crate::refusal;
 use crate::setting_error::SettingError;
-use crate::supervisor::JointState;
 use crate::watch::ResidualWatch;
 use canopen_rs::Address;
 use compensator_core::can::{
@@ -208,9 +207,8 @@ impl JointBase {
                 entry(&operation.words(), place)
             }
             index::STATE => {
-                let is_faulty = supervisor.state() == JointState::Fault;
                 let state = StateObject {
-                    state: if is_faulty { 2 } else { self.is_armed().into() },
+                    state: self.state() as u32,
                     faults: supervisor.faults().fault_bits(),
                     limits: supervisor.limits().limit_bits(),
                     blocking_codes: self.blocking,

@@ -27,7 +27,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Reports a refusal.
     #[inline(never)]
-    pub(crate) fn refuse(&mut self, Refused(abort, why): Refused) -> Abort {
+    pub(crate) fn refuse(&mut self, Refused { abort, why }: Refused) -> Abort {
         self.base.staging.refuse(abort, why)
     }
 
@@ -72,8 +72,7 @@ impl<F: NorFlash> Device<F> {
             return Ok(());
         }
         self.move_by(Motion::confirm_target);
-        let (fault, armed) = (self.base.is_faulty(), self.is_armed());
-        let request = self.motion.profile.control(controlword, fault, armed);
+        let request = self.motion.profile.control(controlword, self.base.state());
         self.motion.watch_homing();
         match request {
             DriveRequest::None => {
