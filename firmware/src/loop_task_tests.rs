@@ -40,6 +40,27 @@ fn drive(current_a: f32) -> LoopCommands {
     LoopCommands { setpoint, bridge: true, compensation: true, ..LoopCommands::default() }
 }
 
+impl LoopTask {
+    /// Applies both halves of commands, which the interrupt takes in different periods.
+    fn apply_commands(&mut self, commands: LoopCommands) {
+        self.take_measurements(&commands);
+        self.apply(&commands);
+    }
+
+    /// Returns a report if its values are recorded. Its flags are kept until [`LoopTask::clear_report`].
+    fn report(&self) -> Option<LoopReport> {
+        let probe = self.commands.probe.map_or_else(Default::default, |_| self.probe_report());
+        (self.report_step != ReportStep::Collect)
+            .then(|| LoopReport::join(&self.values, &self.status(false), probe))
+    }
+
+    /// Discards a report that was recorded but not sent; the next one begins.
+    fn clear_report(&mut self) {
+        self.begin_report();
+        self.since_report = 0;
+    }
+}
+
 impl Bench {
     /// Creates a loop whose observer has settled.
     fn new() -> Self {
