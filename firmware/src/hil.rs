@@ -156,11 +156,6 @@ impl HilReply {
         telemetry: TelemetryFrame { current_a: 0.0, residual_torque_nm: f32::NAN },
     };
 
-    /// Returns true if every bit is equal; NaN equals itself here.
-    pub fn same_bits(&self, other: &Self) -> bool {
-        self.words() == other.words()
-    }
-
     /// Returns all values as words, in the order of the frames.
     pub fn words(&self) -> [u32; 6] {
         [

@@ -25,7 +25,7 @@ use crate::driver::{LoopOutput, LoopReport};
 use crate::log::log;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::sdo::{Objects, SdoServer};
-use crate::node::{Network, NmtAction};
+use crate::node::{Emergency, Network, NmtAction};
 use crate::node_settings::NodeSettings;
 use crate::scope::ScopeRow;
 use crate::sensors::LocalReadings;
@@ -100,8 +100,8 @@ pub trait Joint: Objects + Sized {
     /// Returns what the board needs after a tick.
     fn board_output(&self) -> BoardOutput;
 
-    /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field.
-    fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])>;
+    /// Returns the next code that was raised or cleared.
+    fn next_emergency(&mut self) -> Option<Emergency>;
 }
 
 /// A joint on its bus.
@@ -264,8 +264,8 @@ impl<J: Joint> JointNode<J> {
 
     /// Sends an emergency for every code that was raised or cleared.
     fn publish_events(&mut self) {
-        while let Some((code, register, detail)) = self.joint.next_event() {
-            self.network.emergency(code, register, detail, &mut self.joint.base().outbox);
+        while let Some(emergency) = self.joint.next_emergency() {
+            self.network.send_emergency(&emergency, &mut self.joint.base().outbox);
         }
         let state = self.joint.base().supervisor.state();
         if state != self.logged {

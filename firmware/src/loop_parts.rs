@@ -125,12 +125,6 @@ impl LoopParts {
         }
         built
     }
-
-    /// Returns the same parts, to measure and never to drive.
-    #[must_use]
-    pub fn measure_only(self) -> Self {
-        Self { may_drive: false, ..self }
-    }
 }
 
 #[cfg(test)]

@@ -112,14 +112,8 @@ impl LoopTask {
         }
     }
 
-    /// Applies commands. A command to open the bridge clears a trip. A new home position sets the joint
-    /// position.
-    pub fn apply_commands(&mut self, commands: LoopCommands) {
-        self.take_measurements(&commands);
-        self.apply(&commands);
-    }
-
-    /// Applies the second half of the commands.
+    /// Applies the second half of the commands. A command to open the bridge clears a trip. A new home position sets the
+    /// joint position.
     #[inline]
     fn apply(&mut self, commands: &LoopCommands) {
         if !commands.bridge {

@@ -40,6 +40,27 @@ fn drive(current_a: f32) -> LoopCommands {
     LoopCommands { setpoint, bridge: true, compensation: true, ..LoopCommands::default() }
 }
 
+impl LoopTask {
+    /// Applies both halves of commands, which the interrupt takes in different periods.
+    fn apply_commands(&mut self, commands: LoopCommands) {
+        self.take_measurements(&commands);
+        self.apply(&commands);
+    }
+
+    /// Returns a report if its values are recorded. Its flags are kept until [`LoopTask::clear_report`].
+    fn report(&self) -> Option<LoopReport> {
+        let probe = self.commands.probe.map_or_else(Default::default, |_| self.probe_report());
+        (self.report_step != ReportStep::Collect)
+            .then(|| LoopReport::join(&self.values, &self.status(false), probe))
+    }
+
+    /// Discards a report that was recorded but not sent; the next one begins.
+    fn clear_report(&mut self) {
+        self.begin_report();
+        self.since_report = 0;
+    }
+}
+
 impl Bench {
     /// Creates a loop whose observer has settled.
     fn new() -> Self {
@@ -316,7 +337,7 @@ fn current_share_limits_the_sum_also_after_a_swap() {
 #[test]
 fn parts_to_measure_only_never_drive_and_report_no_internal_error() {
     let mut bench = Bench::new();
-    bench.task.swap(&parts().measure_only());
+    bench.task.swap(&LoopParts { may_drive: false, ..parts() });
     bench.task.apply_commands(drive(1.0));
     assert!(!bench.is_driving());
     assert!(!bench.next_report().loop_flags.contains(LoopFlags::NOT_FINITE));

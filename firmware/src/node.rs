@@ -112,6 +112,17 @@ pub enum NmtAction {
     ResetCommunication,
 }
 
+/// An error that was raised or cleared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Emergency {
+    /// Error code of CiA 301; 0 if the error was cleared.
+    pub code: u16,
+    /// Error register, object 1001h.
+    pub register: u8,
+    /// Manufacturer specific.
+    pub detail: [u8; 5],
+}
+
 /// The network functions that every CANopen device has.
 #[derive(Debug)]
 pub struct Network {
@@ -202,9 +213,9 @@ impl Network {
         }
     }
 
-    /// Sends an emergency: an error was raised (its code of CiA 301) or the last one was cleared (code 0).
-    /// `detail` is manufacturer specific.
-    pub fn emergency(&self, code: u16, register: u8, detail: [u8; 5], outbox: &mut Outbox) {
+    /// Sends an emergency.
+    pub fn send_emergency(&self, emergency: &Emergency, outbox: &mut Outbox) {
+        let Emergency { code, register, detail } = *emergency;
         let message = EmergencyMessage::new(code, ErrorRegister(register), detail);
         if let Ok(id) = CanopenNodeId::new(self.node.number())
             && let Some(frame) = Frame::new(emcy_cob_id(id), &message.encode())
@@ -301,7 +312,8 @@ mod tests {
         let mut outbox = Outbox::default();
         let network = Network::boot(NodeId::FIRST, 0, &mut outbox);
         outbox.pop();
-        network.emergency(0x3210, 0x04, [1, 2, 3, 4, 5], &mut outbox);
+        let emergency = Emergency { code: 0x3210, register: 0x04, detail: [1, 2, 3, 4, 5] };
+        network.send_emergency(&emergency, &mut outbox);
         assert_eq!(outbox.pop(), Some(frame(0x081, &[0x10, 0x32, 0x04, 1, 2, 3, 4, 5])));
     }
 }

@@ -5,20 +5,8 @@
 
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::configuration::Configuration;
-use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES, MAX_TERMS};
+use compensator_core::term::{LOOKUP_LEVELS, LOOKUP_TORQUES};
 use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
-
-/// The terms with the highest individual cost, the costliest first: as many as a model holds.
-pub const COSTLIEST_TERMS: [TermKind; MAX_TERMS] = [
-    TermKind::TorqueRipple,
-    TermKind::DwellTimeStatic,
-    TermKind::TimeDrift,
-    TermKind::PositionRipple,
-    TermKind::LookupTable,
-    TermKind::GravityImbalance,
-    TermKind::WarmUp,
-    TermKind::Backlash,
-];
 
 /// Returns a configuration with this law and these terms.
 ///

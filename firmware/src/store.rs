@@ -24,7 +24,7 @@ mod outcome;
 mod trend;
 
 pub use home_record::{FoundHome, HOME_RECORD_BYTES, HOME_RECORDS, HomeRecord};
-pub use identity::{FoundIdentity, IDENTITY_BYTES, Identity};
+pub use identity::{FoundIdentity, IDENTITY_BYTES, Identity, IdentityCopy};
 pub use outcome::{
     LoadError, LoadedSet, SaveOutcome, SavePlace, SlotState, StoreError, StoreHealth,
 };
@@ -140,10 +140,12 @@ impl<F: NorFlash> Store<F> {
     /// hold undefined bytes.
     pub fn load_former(&mut self, into: &mut [u8]) -> Result<LoadedSet, LoadError> {
         self.inspect();
-        let (newest, last, _) = self.current().ok_or(LoadError::Empty)?;
-        let slot = 1 - newest;
+        let newest = self.current().ok_or(LoadError::Empty)?;
+        let slot = 1 - newest.slot;
         match self.scan(slot, Payload::Copied(into)) {
-            SlotState::Whole { sequence, length } if last == sequence.wrapping_add(1) => {
+            SlotState::Whole { sequence, length }
+                if newest.sequence == sequence.wrapping_add(1) =>
+            {
                 Ok(LoadedSet { length, slot, sequence })
             }
             _ => Err(LoadError::Empty),
@@ -153,7 +155,7 @@ impl<F: NorFlash> Store<F> {
     /// Inspects both slots, and returns the sequence number of the newest set that this firmware can read.
     pub fn newest_sequence(&mut self) -> Option<u32> {
         self.inspect();
-        self.current().map(|(_, sequence, _)| sequence)
+        self.current().map(|set| set.sequence)
     }
 
     /// Inspects both slots and copies the newest intact set into `into`. If reading fails during the copy,
@@ -163,14 +165,14 @@ impl<F: NorFlash> Store<F> {
     /// Returns why nothing was loaded. `into` may then hold undefined bytes.
     pub fn load(&mut self, into: &mut [u8]) -> Result<LoadedSet, LoadError> {
         self.inspect();
-        while let Some((slot, sequence, length)) = self.current() {
+        while let Some(set @ LoadedSet { length, slot, sequence }) = self.current() {
             let given = into.len();
             let Some(place) = into.get_mut(..length) else {
                 return Err(LoadError::TooSmall { needed: length, given });
             };
             let found = self.scan(slot, Payload::Copied(place));
             if found == (SlotState::Whole { sequence, length }) {
-                return Ok(LoadedSet { length, slot, sequence });
+                return Ok(set);
             }
             // The slot read differently a moment ago, so its content is unreliable.
             self.set_state(slot, SlotState::Damaged);
@@ -213,21 +215,20 @@ impl<F: NorFlash> Store<F> {
             return Err(StoreError::TooLong { length: payload.len(), max });
         }
         self.inspect();
-        let current = self.current();
-        if let Some((slot, sequence, _)) = current
+        if let Some(LoadedSet { slot, sequence, .. }) = self.current()
             && !self.states.contains(&SlotState::Damaged)
             && self.slots.get(slot).cloned().and_then(|slot| self.copy(&slot))
-                == Some((sequence, *identity))
+                == Some(IdentityCopy { sequence, identity: *identity })
             && self.holds_exactly(slot, payload)
         {
             return Ok(SaveOutcome::Unchanged);
         }
         // The set to keep: the current one, or else the newest with an unknown layout.
-        let kept = current.map(|(slot, sequence, _)| (slot, sequence)).or_else(|| self.newest());
+        let kept = self.newest(SlotState::is_whole).or_else(|| self.newest(|_| true));
         let (slot, sequence) = match kept {
-            Some((slot, sequence)) => {
-                let slot = if place == SavePlace::Newest { slot } else { 1 - slot };
-                (slot, sequence.wrapping_add(1))
+            Some(kept) => {
+                let slot = if place == SavePlace::Newest { kept.slot } else { 1 - kept.slot };
+                (slot, kept.sequence.wrapping_add(1))
             }
             // No set to keep: an undamaged slot is preferred.
             None => (usize::from(self.states[0] == SlotState::Damaged), 1),
@@ -358,31 +359,37 @@ impl<F: NorFlash> Store<F> {
         matches!(state, SlotState::Whole { length, .. } if length == payload.len()) && is_same
     }
 
-    /// Returns slot, sequence number and length of the newest set that this firmware can read.
-    fn current(&self) -> Option<(usize, u32, usize)> {
-        let whole = |slot: usize| match self.states.get(slot) {
-            Some(SlotState::Whole { sequence, length }) => Some((slot, *sequence, *length)),
+    /// Returns the newest set that this firmware can read.
+    fn current(&self) -> Option<LoadedSet> {
+        let NumberedSlot { slot, sequence } = self.newest(SlotState::is_whole)?;
+        match self.states.get(slot) {
+            Some(SlotState::Whole { length, .. }) => {
+                Some(LoadedSet { length: *length, slot, sequence })
+            }
             _ => None,
-        };
-        match (whole(0), whole(1)) {
-            (Some(first), Some(second)) if is_newer(second.1, first.1) => Some(second),
-            (first, second) => first.or(second),
         }
     }
 
-    /// Returns slot and sequence number of the newest set of any layout.
-    fn newest(&self) -> Option<(usize, u32)> {
-        let whole = |slot: usize| match self.states.get(slot) {
-            Some(SlotState::Whole { sequence, .. } | SlotState::Foreign { sequence, .. }) => {
-                Some((slot, *sequence))
-            }
-            _ => None,
+    /// Returns the newest of the sets whose state is wanted.
+    fn newest(&self, is_wanted: fn(&SlotState) -> bool) -> Option<NumberedSlot> {
+        let number = |slot: usize| {
+            let state = self.states.get(slot).filter(|state| is_wanted(state))?;
+            Some(NumberedSlot { slot, sequence: state.sequence()? })
         };
-        match (whole(0), whole(1)) {
-            (Some(first), Some(second)) if is_newer(second.1, first.1) => Some(second),
+        match (number(0), number(1)) {
+            (Some(first), Some(second)) if is_newer(second.sequence, first.sequence) => {
+                Some(second)
+            }
             (first, second) => first.or(second),
         }
     }
+}
+
+/// A slot with a set, and the number of the set.
+#[derive(Clone, Copy)]
+struct NumberedSlot {
+    slot: usize,
+    sequence: u32,
 }
 
 /// Use of the payload of a slot while the slot is read.

@@ -44,15 +44,15 @@ pub const MAX_PENDING_EVENTS: usize = 32;
 /// Maximum number of overruns of a report that are counted: more would delay the background.
 const MAX_OVERRUNS: u32 = 100;
 
-/// State of the joint.
+/// State of the joint, by its number in 2002h:2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointState {
     /// Bridge off, waiting to be armed.
-    Safe,
+    Safe = 0,
     /// Bridge on.
-    Armed,
+    Armed = 1,
     /// Bridge off, until faults are cleared.
-    Fault,
+    Fault = 2,
 }
 
 /// A code that was raised or cleared.

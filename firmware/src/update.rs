@@ -105,9 +105,17 @@ impl Program {
         self.base + slot.start + package::HEADER_BYTES as u32
     }
 
-    /// Returns the two slots of the parameter store in the bank of the running image, or in the other one.
-    pub const fn store_slots(&self, in_own_bank: bool) -> [Range<u32>; 2] {
-        let start = self.stores[if in_own_bank { 0 } else { 1 }];
+    /// Returns the two slots of the parameter store in the bank of the running image.
+    pub const fn running_store(&self) -> [Range<u32>; 2] {
+        self.store_slots(self.stores[0])
+    }
+
+    /// Returns the two slots of the parameter store in the other bank.
+    pub const fn other_store(&self) -> [Range<u32>; 2] {
+        self.store_slots(self.stores[1])
+    }
+
+    const fn store_slots(&self, start: u32) -> [Range<u32>; 2] {
         let half = start + self.store_bytes / 2;
         [start..half, half..start + self.store_bytes]
     }

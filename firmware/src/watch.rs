@@ -177,7 +177,6 @@ pub struct ResidualWatch {
     band_nm: f32,
     per_band: f32,
     least_velocity_rad_s: f32,
-    memory_s: f32,
     limits: BandLimits,
     /// Samples per window, its reciprocal, and the weight of a window in the means.
     samples: u32,
@@ -207,7 +206,6 @@ impl ResidualWatch {
             band_nm: parameters.band_nm,
             per_band: 1.0 / parameters.band_nm,
             least_velocity_rad_s: parameters.least_velocity_rad_s,
-            memory_s: parameters.memory_s,
             limits,
             samples,
             per_sample: 1.0 / samples as f32,
@@ -329,13 +327,6 @@ impl ResidualWatch {
     /// Returns the smallest change of the Coulomb level that is certain to be flagged, Nm.
     pub fn level_limit_nm(&self) -> f32 {
         self.limits.mean * self.band_nm
-    }
-
-    /// Returns the maximum sliding time until a sudden change of the Coulomb level, Nm, is flagged, s, within 10
-    /// % for noise; `None` if it may never be flagged. The square may flag it earlier.
-    pub fn flagged_after_s(&self, change_nm: f32) -> Option<f32> {
-        let left = 1.0 - f64::from(self.level_limit_nm() / change_nm.abs());
-        (left > 0.0).then(|| -(Real::ln(left) as f32) * self.memory_s)
     }
 
     /// Resets all means and counters, after a change of parameters or a repair.

@@ -2,7 +2,7 @@
 
 use crate::driver::{LoopOutput, LoopReport};
 use crate::joint_node::{BoardOutput, BoardState, Boot, Identity, Joint, JointBase};
-use crate::node::{Network, NmtAction};
+use crate::node::{Emergency, Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::sensors::LocalReadings;
 use crate::store::Store;
@@ -143,7 +143,7 @@ impl<F: NorFlash> Joint for Device<F> {
         BoardOutput { winding_rise_k, ..BoardOutput::default() }
     }
 
-    fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
-        self.base.next_event(0)
+    fn next_emergency(&mut self) -> Option<Emergency> {
+        self.base.next_emergency(0)
     }
 }

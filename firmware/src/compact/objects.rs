@@ -54,6 +54,10 @@ impl<F: NorFlash> Objects for Device<F> {
                 self.joint_kind = number;
                 Ok(())
             }
+            (index::TRACE, TraceObject::JOINT_KIND) => {
+                let legal = text!("0 (turns) or 1 (slides)");
+                Err(self.base.refuse_setting(text!("joint_kind"), legal))
+            }
             (index::INPUTS, place) => {
                 // Velocity, position and torque of this joint are measured; its load torque is not.
                 if let Some(message) = self.base.input_message(place, number) {

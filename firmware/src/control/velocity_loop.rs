@@ -71,6 +71,15 @@ pub struct VelocityCommand {
     pub reference_rad_s: f32,
 }
 
+/// Reference of a position loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackedVelocity {
+    /// Velocity, rad/s.
+    pub velocity_rad_s: f32,
+    /// Change of the velocity that the inertia needs in this step, rad/s.
+    pub change_rad_s: f32,
+}
+
 /// State of the velocity loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VelocityLoop {
@@ -136,17 +145,17 @@ impl VelocityLoop {
     }
 
     /// Runs a step as [`VelocityLoop::step`] with a reference that a position loop gives, without a limit of its
-    /// acceleration. `reference` has the velocity, rad/s, and the change that the inertia needs in this step, rad/s.
+    /// acceleration.
     #[must_use]
     pub fn track(
         &mut self,
         gains: &VelocityGains,
-        reference: [f32; 2],
+        reference: TrackedVelocity,
         velocity_rad_s: f32,
         limit_a: f32,
         withheld_a: f32,
     ) -> VelocityCommand {
-        let [reference_rad_s, change_rad_s] = reference;
+        let TrackedVelocity { velocity_rad_s: reference_rad_s, change_rad_s } = reference;
         if !(reference_rad_s.is_finite() && change_rad_s.is_finite() && velocity_rad_s.is_finite())
         {
             return self.command(0.0);

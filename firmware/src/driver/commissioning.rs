@@ -24,9 +24,10 @@ mod rotation_steps;
 use crate::control::PERIOD_S;
 use crate::control::parameters::DEAD_TIME_SHARE_MAX;
 use crate::control::probe::{BLOCK_PERIODS, HALF_WAVE_PERIODS, ProbeCommand, ProbeReport};
-use core::f32::consts::TAU;
+use crate::control::transform::RAD_PER_UNIT;
 use field_rotation::{FieldRatio, FieldRotation, RotationWindow};
 use hall_fit::HallFit;
+pub use hall_fit::HallPlacement;
 use loss::Level;
 pub use progress::{AbortReason, CommissioningStep};
 use rotation_steps::SLOW_HZ;
@@ -173,7 +174,8 @@ with_defaults! {
         hall_levels: u8,
         hall: HallFit,
         /// Last encoder angle, and the rotation since the start of the run, 2^-32 turns.
-        encoder: (u32, i64),
+        encoder: u32,
+        turned: i64,
     }
     #[inline(never)]
 }
@@ -222,9 +224,8 @@ impl Commissioning {
         self.hall_levels = levels;
     }
 
-    /// Returns the order of the Hall sensors, 1 or -1, and the electrical angle from the encoder's zero at which sector 001
-    /// begins, rad; `None` if they were not seen to turn with the rotor.
-    pub fn found_hall(&self) -> Option<[f32; 2]> {
+    /// Returns the placement of the Hall sensors; `None` if they were not seen to turn with the rotor.
+    pub fn found_hall(&self) -> Option<HallPlacement> {
         self.hall.found()
     }
 
@@ -263,15 +264,15 @@ impl Commissioning {
             return false;
         }
         if self.step == CommissioningStep::Offsets {
-            self.encoder = (block.encoder, 0);
+            (self.encoder, self.turned) = (block.encoder, 0);
             self.found.offset_a = block.offset_a;
             self.command.along_v = INITIAL_VOLTAGE_V;
             self.enter(CommissioningStep::HalfCurrent);
             return false;
         }
-        let moved = block.encoder.wrapping_sub(self.encoder.0) as i32;
-        self.encoder = (block.encoder, self.encoder.1 + i64::from(moved));
-        let joint_rad = self.encoder.1 as f32 * (TAU / 4_294_967_296.0) / self.bounds.gear_ratio;
+        self.turned += i64::from(block.encoder.wrapping_sub(self.encoder) as i32);
+        self.encoder = block.encoder;
+        let joint_rad = self.turned as f32 * RAD_PER_UNIT / self.bounds.gear_ratio;
         if joint_rad.abs() > self.bounds.travel_rad {
             self.end(AbortReason::Travel);
             return false;

@@ -32,7 +32,7 @@ use crate::joint_node::{BoardOutput, BoardState, Boot, Equipment, Identity, Join
 use crate::level_learner::LevelLearner;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::lss::Lss;
-use crate::node::{Network, NmtAction};
+use crate::node::{Emergency, Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
@@ -131,7 +131,7 @@ impl<F: NorFlash> Device<F> {
             self.base.observe_report(&mut observation);
             observation.position_missing = self.motion.is_position_missing(&self.base);
             observation.following_error =
-                self.motion.following_state(&self.base).1 || self.joint_encoder.are_sides_apart();
+                self.motion.has_following_error(&self.base) || self.joint_encoder.are_sides_apart();
             observation.brake_test_failed = self.motion.brake_test.has_failed();
             observation.magnet_fault |= self.joint_encoder.has_warning();
             observation.enclosure = enclosure::assess(&self.enclosure, &self.set().sensors);
@@ -149,9 +149,9 @@ impl<F: NorFlash> Device<F> {
         self.move_by(Motion::watch_target);
         self.base.supervisor.observe(&observation, now_us);
         self.move_by(Motion::react_to_fault);
-        let (fault, armed) = (self.base.supervisor.state() == JointState::Fault, self.is_armed());
-        self.motion.profile.sync_with_supervisor(fault, armed);
-        if fault {
+        let state = self.base.state();
+        self.motion.profile.follow_joint(state);
+        if state == JointState::Fault {
             self.scope.record_fault();
         }
         self.move_by(Motion::update_stop);
@@ -370,8 +370,8 @@ impl<F: NorFlash> Joint for Device<F> {
         }
     }
 
-    fn next_event(&mut self) -> Option<(u16, u8, [u8; 5])> {
+    fn next_emergency(&mut self) -> Option<Emergency> {
         let joint_encoder = self.joint_encoder.state();
-        self.base.next_event(joint_encoder)
+        self.base.next_emergency(joint_encoder)
     }
 }

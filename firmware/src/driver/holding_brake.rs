@@ -30,14 +30,23 @@ pub struct BrakeInputs {
     pub now_us: u64,
 }
 
+/// A bridge that does not drive.
+#[derive(Clone, Copy, Debug)]
+struct OpenBridge {
+    /// Time since which it is open, us.
+    since_us: u64,
+    /// Lowest speed since then, rad/s; NaN if it was never known.
+    lowest_rad_s: f32,
+}
+
 /// State of the brake.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HoldingBrake {
     is_released: bool,
     /// Time of the last change of the output, us.
     changed_us: u64,
-    /// Time since which the bridge is open, us, and the lowest speed since then, rad/s.
-    open: Option<(u64, f32)>,
+    /// `None` while the bridge drives.
+    open: Option<OpenBridge>,
 }
 
 impl HoldingBrake {
@@ -51,11 +60,13 @@ impl HoldingBrake {
             !wants_closed
         } else {
             // An unknown speed is none that decreases.
-            let speed = speed_rad_s.unwrap_or(f32::NAN);
-            let (since_us, lowest) = self.open.unwrap_or((now_us, speed));
-            self.open = Some((since_us, lowest.min(speed)));
+            let speed_rad_s = speed_rad_s.unwrap_or(f32::NAN);
+            let begun = OpenBridge { since_us: now_us, lowest_rad_s: speed_rad_s };
+            let OpenBridge { since_us, lowest_rad_s } = self.open.unwrap_or(begun);
+            self.open = Some(OpenBridge { since_us, lowest_rad_s: lowest_rad_s.min(speed_rad_s) });
             let longest_us = 1000 * u64::from(settings.brake_longest_wait_ms);
-            let slows_down = speed > STANDSTILL_RAD_S && speed <= lowest + STANDSTILL_RAD_S;
+            let slows_down =
+                speed_rad_s > STANDSTILL_RAD_S && speed_rad_s <= lowest_rad_s + STANDSTILL_RAD_S;
             let waits = settings.brake_engage_at == 0 && is_bridge_sound && slows_down;
             self.is_released && waits && now_us - since_us < longest_us
         };

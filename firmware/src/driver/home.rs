@@ -70,13 +70,14 @@ impl KeptHome {
         self.shaft == present.shaft && turned.unsigned_abs() < RECORD_RANGE
     }
 
-    /// Returns the position at which the encoder shows this angle and this number of turns.
+    /// Returns the position, rad, at which the encoder shows this angle, 2^-32 turns, and this number of turns.
     ///
     /// # Errors
     /// Returns why it is not known.
     pub fn position_at(
         &self,
-        (encoder, turns): (u32, Option<u16>),
+        encoder: u32,
+        turns: Option<u16>,
         set: &ParameterSet,
     ) -> Result<f32, Text> {
         let (turned, range) = match (self.turns, turns) {
@@ -185,7 +186,7 @@ mod tests {
             let home = KeptHome::from_words(kept(&set).to_words());
             assert_eq!(home, kept(&set));
             for (turned, sign) in [(QUARTER, 1.0), (QUARTER.wrapping_neg(), -1.0)] {
-                let position = home.position_at((home.encoder.wrapping_add(turned), None), &set);
+                let position = home.position_at(home.encoder.wrapping_add(turned), None, &set);
                 let expected = 1.5 + sign * joint * core::f32::consts::TAU / 4.0 / 51.0;
                 assert!((position.expect("it is known") - expected).abs() < 1e-6);
             }
@@ -198,7 +199,7 @@ mod tests {
         let home = kept(&set);
         let reason = |home: KeptHome, turned: f32, set: &ParameterSet| {
             let turned = (turned * UNITS_PER_TURN) as i32 as u32;
-            home.position_at((home.encoder.wrapping_add(turned), None), set).is_err()
+            home.position_at(home.encoder.wrapping_add(turned), None, set).is_err()
         };
         assert!(!reason(home, 0.39, &set) && reason(home, 0.41, &set) && reason(home, -0.41, &set));
         assert!(reason(KeptHome { may_move: true, ..home }, 0.0, &set));

@@ -36,12 +36,15 @@ use velocity::VelocityControl;
 
 /// A refusal: the abort code, and the reason that 2028h tells.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Refused(pub(crate) Abort, pub(crate) Reason);
+pub(crate) struct Refused {
+    pub(crate) abort: Abort,
+    pub(crate) why: Reason,
+}
 
 impl Refused {
     #[inline(never)]
     pub(super) fn new(abort: Abort, why: impl Into<Reason>) -> Self {
-        Self(abort, why.into())
+        Self { abort, why: why.into() }
     }
 
     /// The bridge is in use.

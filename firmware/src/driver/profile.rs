@@ -26,7 +26,8 @@ mod set_point;
 pub mod stop;
 
 use crate::node::dictionary::HOMING_METHODS;
-pub use set_point::SetPoint;
+use crate::supervisor::JointState;
+pub use set_point::{SetPoint, SetPointOffer};
 use stop::StopCause;
 
 /// 1000h: servo drive (2), profile 402.
@@ -213,9 +214,13 @@ impl Profile {
         self.controlword & control::START_HOMING != 0
     }
 
-    /// Returns whether a set-point of mode 1 is relative, and whether it replaces the others at once.
-    pub const fn set_point_kind(&self) -> (bool, bool) {
-        (self.controlword & control::RELATIVE != 0, self.controlword & control::CHANGE_AT_ONCE != 0)
+    /// Returns the set-point of mode 1 that target and controlword offer.
+    pub const fn set_point_offer(&self) -> SetPointOffer {
+        SetPointOffer {
+            target_micro_rad: self.target_position_micro_rad,
+            is_relative: self.controlword & control::RELATIVE != 0,
+            replaces_others: self.controlword & control::CHANGE_AT_ONCE != 0,
+        }
     }
 
     /// Returns the bits 10 and 12 of the statusword in mode 1.
@@ -247,13 +252,13 @@ impl Profile {
         i32::from(self.target_permille).clamp(-most, most) as f32 * 1e-3
     }
 
-    /// Processes a controlword; `fault` and `armed` are the present state of the supervisor.
+    /// Processes a controlword; `joint` is the present state of the supervisor, or of a joint in HIL.
     #[must_use]
-    pub fn control(&mut self, controlword: u16, fault: bool, armed: bool) -> DriveRequest {
+    pub fn control(&mut self, controlword: u16, joint: JointState) -> DriveRequest {
         let rising = controlword & !self.controlword;
         self.controlword = controlword;
-        self.sync_with_supervisor(fault, armed);
-        if fault {
+        self.follow_joint(joint);
+        if joint == JointState::Fault {
             let reset = rising & control::FAULT_RESET != 0;
             return if reset { DriveRequest::ClearFaults } else { DriveRequest::None };
         }
@@ -309,8 +314,9 @@ impl Profile {
     }
 
     /// Adopts a state change that the supervisor made.
-    pub fn sync_with_supervisor(&mut self, fault: bool, armed: bool) {
-        if fault || self.state.is_powered() && !armed {
+    pub fn follow_joint(&mut self, joint: JointState) {
+        let is_stopped = self.state.is_powered() && joint != JointState::Armed;
+        if is_stopped || joint == JointState::Fault {
             self.state = State::SwitchOnDisabled;
         }
     }

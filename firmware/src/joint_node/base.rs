@@ -16,14 +16,16 @@ use crate::driver::motor_watch::{MotorState, MotorWatch};
 use crate::driver::received::{CommandSequence, ReceivedInputs};
 use crate::driver::staging::Staging;
 use crate::loop_parts::LoopParts;
-use crate::node::Outbox;
 use crate::node::dictionary::records::{InputsObject, MeasuredObject};
 use crate::node::sdo::Abort;
+use crate::node::{Emergency, Outbox};
 use crate::node_settings::{InputSource, MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::parameter_set::ParameterSet;
 use crate::start_values::StartRecord;
 use crate::store::{LoadError, Store, StoreHealth};
-use crate::supervisor::{CanState, Code, Observation, ParameterSource, Supervisor, SupervisorBoot};
+use crate::supervisor::{
+    CanState, Code, JointState, Observation, ParameterSource, Supervisor, SupervisorBoot,
+};
 use crate::watch::{ResidualWatch, WatchParameters};
 use compensator_core::can::{Frame, Message, NodeId};
 use compensator_core::refusal;
@@ -124,6 +126,14 @@ impl JointBase {
     /// Returns the last report of the current loop.
     pub(crate) const fn report(&self) -> &LoopReport {
         self.current_loop.report()
+    }
+
+    /// Returns the state of the joint, which may be armed in HIL.
+    pub(crate) fn state(&self) -> JointState {
+        match self.supervisor.state() {
+            JointState::Safe if self.is_hil_armed => JointState::Armed,
+            state => state,
+        }
     }
 
     /// Returns true if the joint is armed, on its own sensors or in HIL.
@@ -297,14 +307,15 @@ impl JointBase {
         }
     }
 
-    /// Returns the next code that was raised or cleared, as an emergency: code, register, manufacturer field. The second byte of
-    /// this field is the state of the encoder at the joint's side.
-    pub(crate) fn next_event(&mut self, joint_encoder: u8) -> Option<(u16, u8, [u8; 5])> {
+    /// Returns the next code that was raised or cleared. Its details are the number of the code, the state of the encoder at the
+    /// joint's side, and the number of the self-test that failed.
+    pub(crate) fn next_emergency(&mut self, joint_encoder: u8) -> Option<Emergency> {
         let event = self.supervisor.take_event()?;
         let code = self.history.record_event(event);
         let is_test = event.code == Code::SelfTestFailed;
         let test = if is_test { self.supervisor.failed_self_test() } else { 0 };
-        Some((code, self.error_register(), [event.code.number(), joint_encoder, test, 0, 0]))
+        let detail = [event.code.number(), joint_encoder, test, 0, 0];
+        Some(Emergency { code, register: self.error_register(), detail })
     }
 
     /// 1001h.

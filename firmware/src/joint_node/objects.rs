@@ -11,7 +11,6 @@ use crate::node::sdo::{Abort, ValueBuffer};
 use crate::node_settings::NodeSettings;
 use crate::refusal;
 use crate::setting_error::SettingError;
-use crate::supervisor::JointState;
 use crate::watch::ResidualWatch;
 use canopen_rs::Address;
 use compensator_core::can::{
@@ -94,7 +93,10 @@ impl JointBase {
     ) -> Option<Result<(), Abort>> {
         match (at.index, at.subindex) {
             (index::ERROR_FIELD, _) if number == 0 => self.history.clear_errors(),
-            (index::ERROR_FIELD, _) => return Some(Err(Abort::Value)),
+            (index::ERROR_FIELD, _) => {
+                let name = text!("predefined_error_field");
+                return Some(Err(self.refuse_setting(name, text!("0, which clears it"))));
+            }
             (index::STORE, _) if number == SAVE_SIGNATURE => return None,
             (index::RESTORE, _) if number == LOAD_SIGNATURE => return None,
             (index::STORE | index::RESTORE, _) => {
@@ -205,9 +207,8 @@ impl JointBase {
                 entry(&operation.words(), place)
             }
             index::STATE => {
-                let is_faulty = supervisor.state() == JointState::Fault;
                 let state = StateObject {
-                    state: if is_faulty { 2 } else { self.is_armed().into() },
+                    state: self.state() as u32,
                     faults: supervisor.faults().fault_bits(),
                     limits: supervisor.limits().limit_bits(),
                     blocking_codes: self.blocking,

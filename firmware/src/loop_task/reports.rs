@@ -13,7 +13,7 @@
 use super::LoopTask;
 use crate::control::probe::ProbeReport;
 use crate::control::{Compensate, CycleResult, LoopFlags, StageSample, ValidChannels};
-use crate::driver::{LoopReport, PeriodValues, ReportStatus, ReportedAngle, TouchEdges};
+use crate::driver::{PeriodValues, ReportStatus, ReportedAngle, TouchEdges};
 use crate::loop_link::{LoopPort, ReportSender};
 use crate::scope::{ScopeRow, signal};
 use compensator_core::Flags;
@@ -80,13 +80,6 @@ impl LoopTask {
         self.report_step = ReportStep::SendStatus;
     }
 
-    /// Returns a report if its values are recorded. Its flags are kept until [`LoopTask::clear_report`].
-    pub fn report(&self) -> Option<LoopReport> {
-        let probe = self.commands.probe.map_or_else(Default::default, |_| self.probe_report());
-        (self.report_step != ReportStep::Collect)
-            .then(|| LoopReport::join(&self.values, &self.status(false), probe))
-    }
-
     pub(super) fn probe_report(&self) -> ProbeReport {
         let [a, b, _] = self.guard.offset_a();
         ProbeReport { offset_a: [a, b], ..self.probe.report() }
@@ -106,12 +99,6 @@ impl LoopTask {
             touch: self.touch,
             has_probe: self.has_sent_probe,
         }
-    }
-
-    /// Discards a report that was recorded but not sent; the next one begins.
-    pub fn clear_report(&mut self) {
-        self.begin_report();
-        self.since_report = 0;
     }
 
     /// Begins the flags and counts of the next report.

@@ -24,7 +24,7 @@
 
 use super::identity::{COPY_BYTES, copy_place};
 use super::image::{ERASED, PAYLOAD_AT, UNIT_BYTES, crc};
-use super::{MAX_PAYLOAD, SlotState, Store, StoreError};
+use super::{LoadedSet, MAX_PAYLOAD, SlotState, Store, StoreError};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -107,7 +107,7 @@ impl<F: NorFlash> Store<F> {
     /// Returns the home of the current set, or that of the former one if a save has followed it.
     #[inline(never)]
     pub fn find_home(&mut self) -> FoundHome {
-        let Some((slot, ..)) = self.current() else { return FoundHome::None };
+        let Some(LoadedSet { slot, .. }) = self.current() else { return FoundHome::None };
         match (self.home_in(slot), self.home_in(1 - slot)) {
             (FoundHome::At(_), FoundHome::At(_)) => FoundHome::Lost,
             (FoundHome::None, former) => former,
@@ -158,7 +158,7 @@ impl<F: NorFlash> Store<F> {
 
     /// Returns the places after the last record of the current set.
     fn free_home_places(&mut self) -> Range<u32> {
-        let current = self.current().and_then(|(slot, ..)| self.slots.get(slot).cloned());
+        let current = self.current().and_then(|set| self.slots.get(set.slot).cloned());
         let Some(slot) = current else { return 0..0 };
         let places = home_places(&slot);
         let after = self.last_home(&slot).map(|at| at + HOME_RECORD_BYTES as u32);

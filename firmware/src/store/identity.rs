@@ -32,8 +32,17 @@ pub enum FoundIdentity {
     None,
     /// Sets were saved, and no copy is intact.
     Lost,
-    /// The newest copy, with the sequence number of its set.
-    Copy(u32, Identity),
+    /// The newest copy.
+    Copy(IdentityCopy),
+}
+
+/// A copy of an identity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IdentityCopy {
+    /// Sequence number of the set with which it was saved.
+    pub sequence: u32,
+    /// The identity.
+    pub identity: Identity,
 }
 
 impl<F: NorFlash> Store<F> {
@@ -43,9 +52,10 @@ impl<F: NorFlash> Store<F> {
         let mut found = FoundIdentity::None;
         for slots in [Some(self.slots.clone()), other_bank].into_iter().flatten() {
             for slot in &slots {
-                let Some((sequence, identity)) = self.copy(slot) else { continue };
-                if !matches!(found, FoundIdentity::Copy(last, _) if !is_newer(sequence, last)) {
-                    found = FoundIdentity::Copy(sequence, identity);
+                let Some(copy) = self.copy(slot) else { continue };
+                if !matches!(found, FoundIdentity::Copy(last) if !is_newer(copy.sequence, last.sequence))
+                {
+                    found = FoundIdentity::Copy(copy);
                 }
             }
             // A first save writes one slot after the other: it was cut if one is blank.
@@ -76,7 +86,7 @@ impl<F: NorFlash> Store<F> {
         let written = self.write_checked(slot, sequence, payload, identity)?;
         self.merge_trend(other, slot);
         let place = self.slots.get(other).cloned().unwrap_or_default();
-        let has_identity = self.copy(&place).is_some_and(|(_, present)| present == *identity);
+        let has_identity = self.copy(&place).is_some_and(|copy| copy.identity == *identity);
         if !has_identity && !matches!(self.states.get(other), Some(SlotState::Foreign { .. })) {
             self.write_checked(other, sequence, payload, identity)?;
             self.merge_trend(slot, other);
@@ -85,7 +95,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Returns the copy in a slot; `None` if it is not intact.
-    pub(super) fn copy(&mut self, slot: &Range<u32>) -> Option<(u32, Identity)> {
+    pub(super) fn copy(&mut self, slot: &Range<u32>) -> Option<IdentityCopy> {
         let at = copy_place(slot)?;
         let mut bytes = [0; COPY_BYTES];
         self.flash.read(at, &mut bytes).ok()?;
@@ -94,7 +104,7 @@ impl<F: NorFlash> Store<F> {
         let [m0, m1, m2, m3, s0, s1, s2, s3] = *head;
         let sequence = u32::from_le_bytes([s0, s1, s2, s3]);
         let is_intact = [m0, m1, m2, m3] == MAGIC && emit(sequence, identity).ends_with(check);
-        is_intact.then_some((sequence, *identity))
+        is_intact.then_some(IdentityCopy { sequence, identity: *identity })
     }
 
     /// Writes the copy in a slot, whose place must be erased.

@@ -5,7 +5,7 @@
 //! sequence number, and the driver goes on with the copy. The original stays: an earlier image that starts again finds
 //! it, even if the copy is replaced by a set with a layout that this image does not know.
 
-use super::{FoundHome, FoundIdentity, Identity, MAX_PAYLOAD, Store, is_newer};
+use super::{FoundHome, FoundIdentity, Identity, LoadedSet, MAX_PAYLOAD, Store, is_newer};
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -42,18 +42,20 @@ impl<F: NorFlash> Store<F> {
         other: [Range<u32>; 2],
         identity_of: fn(&[u8]) -> Option<Identity>,
     ) {
-        let Some((_, newest, _)) = self.current() else { return self.move_to(other) };
+        let Some(LoadedSet { sequence: newest, .. }) = self.current() else {
+            return self.move_to(other);
+        };
         let mut payload = [0; MAX_PAYLOAD];
         let loaded = self.load(&mut payload);
         self.move_to(other);
-        if self.current().is_some_and(|(_, present, _)| !is_newer(newest, present)) {
+        if self.current().is_some_and(|present| !is_newer(newest, present.sequence)) {
             return;
         }
         let is_copied = loaded.is_ok_and(|set| {
             let payload = payload.get(..set.length).unwrap_or_default();
             let identity = match self.find_identity(Some(running.clone())) {
-                FoundIdentity::Copy(sequence, copy) if !is_newer(set.sequence, sequence) => {
-                    Some(copy)
+                FoundIdentity::Copy(copy) if !is_newer(set.sequence, copy.sequence) => {
+                    Some(copy.identity)
                 }
                 _ => identity_of(payload),
             };
@@ -71,7 +73,7 @@ impl<F: NorFlash> Store<F> {
 
     /// Writes a set with this sequence number to the slot that is not current. Returns true if it is intact.
     fn adopt(&mut self, sequence: u32, payload: &[u8], identity: &Identity) -> bool {
-        let slot = self.current().map_or(0, |(slot, ..)| 1 - slot);
+        let slot = self.current().map_or(0, |set| 1 - set.slot);
         self.write_both(slot, sequence, payload, identity).is_ok()
     }
 }

@@ -31,6 +31,21 @@ pub enum SlotState {
     },
 }
 
+impl SlotState {
+    /// Returns true for a set that this firmware can read.
+    pub(super) const fn is_whole(&self) -> bool {
+        matches!(self, Self::Whole { .. })
+    }
+
+    /// Returns the sequence number of an intact set, of any layout.
+    pub(super) const fn sequence(&self) -> Option<u32> {
+        match self {
+            Self::Whole { sequence, .. } | Self::Foreign { sequence, .. } => Some(*sequence),
+            Self::Blank | Self::Incomplete | Self::Damaged => None,
+        }
+    }
+}
+
 /// State of the whole store, for a fault code and an object on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreHealth {

@@ -166,15 +166,15 @@ impl<F: NorFlash> Store<F> {
         let mut payload = [0; MAX_PAYLOAD];
         let loaded = self.load(&mut payload).map_err(|_| StoreError::Slots)?;
         let slot = self.slots.get(loaded.slot).cloned().unwrap_or_default();
-        let (_, identity) = self.copy(&slot).ok_or(StoreError::Slots)?;
+        let copy = self.copy(&slot).ok_or(StoreError::Slots)?;
         let payload = payload.get(..loaded.length).unwrap_or_default();
         let sequence = loaded.sequence.wrapping_add(1);
-        self.write_both(1 - loaded.slot, sequence, payload, &identity).map(drop)
+        self.write_both(1 - loaded.slot, sequence, payload, &copy.identity).map(drop)
     }
 
     /// Returns the places in the slot of the current set.
     fn trend_places(&self) -> Range<u32> {
-        self.current().map_or(0..0, |(slot, ..)| self.places_in(slot))
+        self.current().map_or(0..0, |set| self.places_in(set.slot))
     }
 
     /// Returns the places in a slot; none if it has no intact set.

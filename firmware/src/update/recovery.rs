@@ -4,12 +4,13 @@
 //! drives a bridge. A package is received into the second slot.
 
 use super::Program;
-use super::package::Version;
 use super::session::{RequestError, Session};
 use crate::node::dictionary::index;
 use crate::node::dictionary::records::{IdentityObject, ProgramObject};
 use crate::node::sdo::{Abort, Objects, SdoServer, ValueBuffer};
 use crate::node::{Network, NmtAction, Outbox};
+use crate::node_settings::BusSettings;
+use crate::store::{FoundIdentity, LoadedSet, MAX_PAYLOAD, Store, is_newer};
 use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId, cob_id};
 use embedded_storage::nor_flash::NorFlash;
@@ -27,6 +28,32 @@ pub fn identity(serial_number: u32) -> IdentityObject {
         revision_number: compensator_core::record::VERSION.into(),
         serial_number,
     }
+}
+
+/// Reads node number and bit rates from the newest copy of the joint's identity, or from the newest set if no copy is intact;
+/// the defaults if there are none.
+// Not inlined: the stack of a set is free again afterwards.
+#[inline(never)]
+pub fn stored_settings<F: NorFlash>(flash: &mut F, program: &Program) -> BusSettings {
+    let mut store = Store::open_within(&mut *flash, program.other_store());
+    if let FoundIdentity::Copy(copy) = store.find_identity(Some(program.running_store()))
+        && let Some(settings) = copy.identity.first_chunk().and_then(BusSettings::parse)
+    {
+        return settings;
+    }
+    let mut newest = None;
+    let mut newest_settings = BusSettings::default();
+    for slots in [program.other_store(), program.running_store()] {
+        let mut block = [0; MAX_PAYLOAD];
+        let loaded = Store::open_within(&mut *flash, slots).load(&mut block);
+        if let Ok(LoadedSet { sequence, .. }) = loaded
+            && let Some(settings) = block.first_chunk().and_then(BusSettings::parse)
+            && newest.is_none_or(|newest| is_newer(sequence, newest))
+        {
+            (newest, newest_settings) = (Some(sequence), settings);
+        }
+    }
+    newest_settings
 }
 
 /// The node in recovery.
@@ -123,26 +150,6 @@ impl<F: NorFlash> Recovery<F> {
     }
 }
 
-impl<F: NorFlash> RecoveryObjects<F> {
-    fn program(&self) -> ProgramObject {
-        let (received_bytes, receiving) = self.session.received();
-        ProgramObject {
-            board: self.session.program().board.number,
-            version: Version(0).0,
-            rollback_counter: 0,
-            state: RECOVERY_STATE,
-            other_version: self.session.other().1,
-            other_state: self.session.other().2 as u32,
-            receiving,
-            received_bytes,
-            identity: 0,
-            accepted_address: self.session.accepted_address(),
-            wiring: self.session.program().board.wiring,
-            update_key: self.session.update_key(),
-        }
-    }
-}
-
 impl<F: NorFlash> Objects for RecoveryObjects<F> {
     fn check_write(&mut self, at: Address, _length: Option<usize>) -> Result<(), Abort> {
         match (at.index, at.subindex) {
@@ -180,9 +187,11 @@ impl<F: NorFlash> Objects for RecoveryObjects<F> {
         let words: &[u32] = match at.index {
             index::IDENTITY => &self.identity.words(),
             index::PROGRAM_CONTROL => &[u32::from(!self.session.is_active())],
-            index::PROGRAM_IDENTIFICATION => &[0, self.session.other().0],
+            index::PROGRAM_IDENTIFICATION => &[0, self.session.other_crc()],
             index::FLASH_STATUS => &[self.session.flash_status()],
-            index::PROGRAM => &self.program().words(),
+            index::PROGRAM => {
+                &ProgramObject { state: RECOVERY_STATE, ..self.session.object() }.words()
+            }
             index::DEVICE_NAME => {
                 return value.extend_from_slice(b"recovery").map_err(|_| Abort::Memory);
             }

@@ -12,6 +12,7 @@
 use super::Program;
 use super::marks::{self, ImageState, SlotState};
 use super::receiver::{Receiver, Refusal};
+use crate::node::dictionary::records::ProgramObject;
 use crate::node::sdo::Abort;
 use compensator_core::parameters::Text;
 use compensator_core::text;
@@ -21,6 +22,11 @@ use embedded_storage::nor_flash::NorFlash;
 pub const SESSION_US: u64 = 10_000_000;
 /// Time between the request to start a program and the restart, us: the answer is sent.
 const RESTART_DELAY_US: u64 = 5_000;
+
+/// Error in 1F57h (CiA 302-3) that is none of the numbered ones.
+const OTHER_ERROR: u32 = 63;
+/// Object 1F57h of a board without updates.
+pub const NO_UPDATES: u32 = OTHER_ERROR << 1;
 
 /// Command to restart.
 pub const RESTART: u8 = 2;
@@ -120,17 +126,6 @@ impl Session {
         self.receiver.program()
     }
 
-    /// Returns [`Program::update_key`].
-    pub const fn update_key(&self) -> u32 {
-        self.update_key
-    }
-
-    /// Returns the load address that the image of a package must have.
-    pub const fn accepted_address(&self) -> u32 {
-        let program = self.receiver.program();
-        program.image_address(&program.other)
-    }
-
     /// Requests a restart at this time, us.
     pub fn request_restart(&mut self, at_us: u64) {
         self.restart_us.get_or_insert(at_us);
@@ -216,22 +211,33 @@ impl Session {
         self.receiver.refusal().map_or(Ok(()), |refusal| Err(RequestError::Package(refusal)))
     }
 
-    /// Returns the number of bytes received, and the identity of their package; 0 if unknown.
-    pub const fn received(&self) -> (u32, u32) {
-        (self.receiver.received(), self.receiving)
+    /// Returns the CRC-32 of the image in the other slot; 0 if there is none.
+    pub fn other_crc(&self) -> u32 {
+        self.other.map_or(0, |image| image.header.crc)
     }
 
-    /// Returns CRC, version and [`OtherState`] of the image in the other slot; 0 if there is none.
+    /// Returns the entries of object 2040h about board and update; those of the running program are 0.
     #[inline(never)]
-    pub fn other(&self) -> (u32, u32, OtherState) {
-        let Some(image) = &self.other else { return (0, 0, OtherState::Empty) };
-        let state = match image {
-            ImageState { is_rejected: true, trials: 0, .. } => OtherState::NotSigned,
-            ImageState { is_rejected: true, .. } => OtherState::Failed,
-            ImageState { is_confirmed: true, .. } => OtherState::Confirmed,
-            _ => OtherState::Waiting,
+    pub fn object(&self) -> ProgramObject {
+        let program = self.receiver.program();
+        let other_state = match &self.other {
+            None => OtherState::Empty,
+            Some(ImageState { is_rejected: true, trials: 0, .. }) => OtherState::NotSigned,
+            Some(ImageState { is_rejected: true, .. }) => OtherState::Failed,
+            Some(ImageState { is_confirmed: true, .. }) => OtherState::Confirmed,
+            Some(_) => OtherState::Waiting,
         };
-        (image.header.crc, image.header.version.0, state)
+        ProgramObject {
+            board: program.board.number,
+            other_version: self.other.map_or(0, |image| image.header.version.0),
+            other_state: other_state as u32,
+            receiving: self.receiving,
+            received_bytes: self.receiver.received(),
+            accepted_address: program.image_address(&program.other),
+            wiring: program.board.wiring,
+            update_key: self.update_key,
+            ..ProgramObject::default()
+        }
     }
 
     /// Returns object 1F57h: bit 0 in progress, bits 1 to 7 the error, and from bit 16 the number of the refusal.
@@ -247,11 +253,11 @@ impl Session {
             Refusal::Flash => (5, 5),
             Refusal::TooLong(_) => (6, 6),
             Refusal::Excess => (6, 7),
-            Refusal::Board(_) => (63, 8),
-            Refusal::Counter(..) => (63, 9),
-            Refusal::Address(_) => (63, 10),
+            Refusal::Board(_) => (OTHER_ERROR, 8),
+            Refusal::Counter(..) => (OTHER_ERROR, 9),
+            Refusal::Address(_) => (OTHER_ERROR, 10),
             Refusal::Hash => (3, 11),
-            Refusal::Wiring(_) => (63, 12),
+            Refusal::Wiring(_) => (OTHER_ERROR, 12),
         };
         error << 1 | number << 16
     }

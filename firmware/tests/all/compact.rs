@@ -6,7 +6,9 @@ use firmware::compact::CompactNode;
 use firmware::driver::{Boot, Identity, LoopReport};
 use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
+use firmware::node::dictionary::records::TraceObject;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
+use firmware::node::sdo::Abort;
 use firmware::node_settings::NodeSettings;
 use firmware::store::memory::MemoryFlash;
 use firmware::supervisor::Code;
@@ -92,6 +94,15 @@ fn overwritten_stack_guard_stops_an_armed_node() {
     assert!(
         !bench.is_armed() && bench.node.joint.supervisor().faults().contains(Code::StackOverflow)
     );
+}
+
+#[test]
+fn joint_kind_beyond_its_values_is_refused_as_out_of_range() {
+    let mut bench = Bench::start();
+    bench.write(index::TRACE, TraceObject::JOINT_KIND, &[1, 0, 0, 0]).unwrap();
+    let refused = bench.write(index::TRACE, TraceObject::JOINT_KIND, &[2, 0, 0, 0]);
+    assert_eq!(refused, Err(Abort::Value.code()));
+    assert_eq!(bench.read(index::TRACE, TraceObject::JOINT_KIND), 1);
 }
 
 #[test]

@@ -13,8 +13,8 @@ use embedded_storage::nor_flash::{NorFlash, NorFlashErrorKind};
 use firmware::store::image::{PAYLOAD_AT, UNIT_BYTES};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES, TornStep};
 use firmware::store::{
-    FoundIdentity, IDENTITY_BYTES, Identity, LoadError, MAX_PAYLOAD, SaveOutcome, SlotState, Store,
-    StoreError, StoreHealth,
+    FoundIdentity, IDENTITY_BYTES, Identity, IdentityCopy, LoadError, MAX_PAYLOAD, SaveOutcome,
+    SlotState, Store, StoreError, StoreHealth,
 };
 use flashes::{Shared, Words, Worn};
 use proptest::prelude::*;
@@ -28,6 +28,10 @@ const COPY_STEPS: u32 = 6;
 
 fn payload(seed: u8, length: usize) -> Vec<u8> {
     (0..length).map(|index| (index as u8).wrapping_mul(31).wrapping_add(seed)).collect()
+}
+
+const fn copy(sequence: u32, identity: Identity) -> FoundIdentity {
+    FoundIdentity::Copy(IdentityCopy { sequence, identity })
 }
 
 fn load<F: NorFlash>(store: &mut Store<F>) -> Result<Vec<u8>, LoadError> {
@@ -421,7 +425,7 @@ fn store_works_on_flash_with_other_page_and_word_sizes() {
 fn save_of_another_identity_replaces_the_copies_in_both_slots() {
     let other: Identity = [0x3C; IDENTITY_BYTES];
     let mut store = Store::open(flash_after_saves::<4>(3));
-    assert_eq!(store.find_identity(None), FoundIdentity::Copy(3, IDENTITY));
+    assert_eq!(store.find_identity(None), copy(3, IDENTITY));
     let set = payload(9, LENGTH);
     store.save(&set, &other).unwrap();
     let flash = store.into_flash();
@@ -432,7 +436,7 @@ fn save_of_another_identity_replaces_the_copies_in_both_slots() {
         let mut half = flash.clone();
         half.restore(&bytes);
         let mut store = Store::open(half);
-        assert_eq!(store.find_identity(None), FoundIdentity::Copy(4, other), "slot {slot}");
+        assert_eq!(store.find_identity(None), copy(4, other), "slot {slot}");
         assert_eq!(load(&mut store), Ok(set.clone()));
     }
 }
@@ -477,7 +481,7 @@ fn mirrored_store_keeps_the_newest_identity_with_an_older_set() {
     // The next start copies the set and its identity.
     let identity_of = |_: &[u8]| Some(IDENTITY);
     store.open_mirrored(running.clone(), other.clone(), identity_of);
-    assert_eq!(store.find_identity(None), FoundIdentity::Copy(1, IDENTITY));
+    assert_eq!(store.find_identity(None), copy(1, IDENTITY));
     assert_eq!(load(&mut store), Ok(payload(1, LENGTH)));
     store.save(&payload(2, LENGTH), &new).unwrap();
     // Both sets of the other bank are damaged.
@@ -488,6 +492,6 @@ fn mirrored_store_keeps_the_newest_identity_with_an_older_set() {
     let mut store = Store::open_at(flash, running.clone()).unwrap();
     store.open_mirrored(running.clone(), other, identity_of);
     assert_eq!(load(&mut store), Ok(payload(1, LENGTH)));
-    let FoundIdentity::Copy(_, found) = store.find_identity(Some(running)) else { panic!() };
-    assert_eq!(found, new);
+    let FoundIdentity::Copy(found) = store.find_identity(Some(running)) else { panic!() };
+    assert_eq!(found.identity, new);
 }

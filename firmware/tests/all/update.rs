@@ -1,6 +1,7 @@
 //! Tests of the program update: power cuts, bit flips, foreign packages, failed trials.
 
 pub mod bench;
+mod stored_settings;
 mod trial;
 
 use bench::{

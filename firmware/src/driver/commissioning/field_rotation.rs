@@ -29,52 +29,72 @@ pub(super) struct FieldRatio {
     pub signed: i64,
 }
 
+/// Angles or rotations of field and encoder, 2^-32 turns.
+#[derive(Clone, Copy, Debug, Default)]
+struct Turned {
+    field: i64,
+    encoder: i64,
+}
+
+/// Mean cosine and sine of the angle by which the rotor lags behind the field, or their sums.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lag {
+    pub cosine: f32,
+    pub sine: f32,
+}
+
+impl Lag {
+    /// The rotor lies along the field.
+    pub const NONE: Self = Self { cosine: 1.0, sine: 0.0 };
+}
+
 /// Sums over a window at constant speed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RotationWindow {
     /// Number of blocks.
     pub blocks: u32,
-    /// Field and encoder at the start; sums and last values of their rotation since.
-    begin: (u32, u32),
-    sum: (i64, i64),
-    last: (i64, i64),
-    /// Sums of cosine and sine of the rotor's lag, once the relation is known.
-    cosine: f32,
-    sine: f32,
+    /// Angles at the start; sums and last values of the rotation since.
+    begin: Turned,
+    sum: Turned,
+    last: Turned,
+    /// Sums of the rotor's lag, once the relation is known.
+    lags: Lag,
 }
 
 impl RotationWindow {
     /// Returns the turns of the field per encoder turn, signed.
     pub fn turns_of_field(&self) -> f32 {
-        if self.last.1 == 0 { 0.0 } else { self.last.0 as f32 / self.last.1 as f32 }
+        let Turned { field, encoder } = self.last;
+        if encoder == 0 { 0.0 } else { field as f32 / encoder as f32 }
     }
 
     /// Returns the mean angle of the field less `signed` times the encoder.
     #[inline(never)]
     pub fn apart(&self, signed: i64) -> u32 {
         let count = i64::from(self.blocks.max(1));
-        let field = i64::from(self.begin.0) + self.sum.0 / count;
-        let encoder = i64::from(self.begin.1) + self.sum.1 / count;
+        let field = self.begin.field + self.sum.field / count;
+        let encoder = self.begin.encoder + self.sum.encoder / count;
         field.wrapping_sub(signed.wrapping_mul(encoder)) as u32
     }
 
-    /// Returns the mean cosine and sine of the rotor's lag behind the field.
+    /// Returns the mean lag of the rotor behind the field.
     #[inline(never)]
-    pub fn behind(&self) -> (f32, f32) {
+    pub fn lag(&self) -> Lag {
         let share = 1.0 / self.blocks.max(1) as f32;
-        (self.cosine * share, self.sine * share)
+        Lag { cosine: self.lags.cosine * share, sine: self.lags.sine * share }
     }
 
-    /// Adds a block; `gone` is the rotation of field and encoder since the start.
-    fn add(&mut self, block: &ProbeReport, gone: (i64, i64), ratio: FieldRatio) {
+    /// Adds a block; `turned` is the rotation since the start.
+    fn add(&mut self, block: &ProbeReport, turned: Turned, ratio: FieldRatio) {
         self.blocks += 1;
-        self.sum = (self.sum.0 + gone.0, self.sum.1 + gone.1);
-        self.last = gone;
+        self.sum.field += turned.field;
+        self.sum.encoder += turned.encoder;
+        self.last = turned;
         let rotor = ratio.signed.wrapping_mul(i64::from(block.encoder)) as u32;
         let behind = block.field.wrapping_sub(rotor).wrapping_sub(ratio.zero);
         let seen = Rotation::at(behind).park(Stationary { alpha: 1.0, beta: 0.0 });
-        self.cosine += seen.d;
-        self.sine -= seen.q;
+        self.lags.cosine += seen.d;
+        self.lags.sine -= seen.q;
     }
 }
 
@@ -101,7 +121,7 @@ pub(super) struct FieldRotation {
     /// Last field angle, its total rotation, and both rotations at the start of the phase.
     field: Option<u32>,
     turned: i64,
-    from: (i64, i64),
+    from: Turned,
     pub window: RotationWindow,
     ratio: FieldRatio,
 }
@@ -110,7 +130,7 @@ impl FieldRotation {
     /// Starts a rotation at `hz` turns of the field per second; the motor may turn by `reach_rad`.
     pub fn begin(hz: f32, reach_rad: f32, ratio: FieldRatio) -> Self {
         Self {
-            turn: (hz * PERIOD_S * 4_294_967_296.0) as i32,
+            turn: (hz * PERIOD_S * TURN as f32) as i32,
             span: ((WINDOW_SHARE * reach_rad * UNITS_PER_RAD) as i64).min(TURN),
             ratio,
             ..Self::default()
@@ -132,7 +152,8 @@ impl FieldRotation {
         let moved = self.field.map_or(0, |field| block.field.wrapping_sub(field) as i32);
         self.field = Some(block.field);
         self.turned += i64::from(moved);
-        let gone = (self.turned - self.from.0, encoder - self.from.1);
+        let turned =
+            Turned { field: self.turned - self.from.field, encoder: encoder - self.from.encoder };
         let ramp = |blocks: u32| {
             let share =
                 i64::from(self.turn) * i64::from(blocks.min(RAMP_BLOCKS)) / i64::from(RAMP_BLOCKS);
@@ -145,19 +166,20 @@ impl FieldRotation {
                     self.enter(Phase::LeadIn, encoder);
                 }
             }
-            Phase::LeadIn if gone.0.abs() >= FOLLOW_CHECK_ANGLE => {
-                if gone.1.abs() < TURN / (2 * MAX_POLE_PAIRS) {
+            Phase::LeadIn if turned.field.abs() >= FOLLOW_CHECK_ANGLE => {
+                if turned.encoder.abs() < TURN / (2 * MAX_POLE_PAIRS) {
                     return Err(AbortReason::RotorStands);
                 }
-                self.window.begin = (block.field, block.encoder);
+                self.window.begin =
+                    Turned { field: block.field.into(), encoder: block.encoder.into() };
                 self.enter(Phase::RotationWindow, encoder);
             }
             Phase::LeadIn => {}
             Phase::RotationWindow => {
-                self.window.add(block, gone, self.ratio);
-                if gone.1.abs() >= self.span {
+                self.window.add(block, turned, self.ratio);
+                if turned.encoder.abs() >= self.span {
                     self.enter(Phase::SlowDown, encoder);
-                } else if gone.0.abs() > (MAX_POLE_PAIRS + 1) * TURN {
+                } else if turned.field.abs() > (MAX_POLE_PAIRS + 1) * TURN {
                     return Err(AbortReason::PolePairsUnclear);
                 }
             }
@@ -175,6 +197,6 @@ impl FieldRotation {
     fn enter(&mut self, phase: Phase, encoder: i64) {
         self.phase = phase;
         self.blocks = 0;
-        self.from = (self.turned, encoder);
+        self.from = Turned { field: self.turned, encoder };
     }
 }

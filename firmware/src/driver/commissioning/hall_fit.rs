@@ -23,6 +23,15 @@ struct Differences {
     largest: u32,
 }
 
+/// How Hall sensors lie beside an encoder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HallPlacement {
+    /// 1, or -1 if the sectors fall while the encoder counts up.
+    pub order: f32,
+    /// Electrical angle from the encoder's zero at which sector 001 begins, rad.
+    pub begin_rad: f32,
+}
+
 /// The levels so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct HallFit {
@@ -51,14 +60,15 @@ impl HallFit {
         self.blocks += 1;
     }
 
-    /// Returns the order, 1 or -1, and the electrical angle at which sector 001 begins, rad; `None` without sound sensors.
+    /// Returns the placement; `None` without sound sensors.
     #[inline(never)]
-    pub(super) fn found(&self) -> Option<[f32; 2]> {
+    pub(super) fn found(&self) -> Option<HallPlacement> {
         let is_sound = self.blocks >= BLOCKS_MIN && !self.is_illegal;
         let mut orders = self.orders.iter().zip([1.0, -1.0]).filter(|_| is_sound);
         let (differences, order) = orders.find(|(order, _)| order.largest <= SPREAD_MAX)?;
         let mean = (differences.sum / i64::from(self.blocks)) as i32 as u32;
-        Some([order, differences.first.wrapping_add(mean) as i32 as f32 * RAD_PER_UNIT])
+        let begin_rad = differences.first.wrapping_add(mean) as i32 as f32 * RAD_PER_UNIT;
+        Some(HallPlacement { order, begin_rad })
     }
 }
 
@@ -85,7 +95,8 @@ mod tests {
     fn fit_of_sound_sensors_finds_order_and_begin() {
         for begin_turns in [-0.45f32, -0.1, 0.0, 0.2, 0.3] {
             for is_reversed in [false, true] {
-                let [order, begin_rad] = fit(begin_turns, is_reversed).found().expect("found");
+                let HallPlacement { order, begin_rad } =
+                    fit(begin_turns, is_reversed).found().expect("found");
                 assert_eq!(order, if is_reversed { -1.0 } else { 1.0 });
                 let off = (begin_rad / TAU - begin_turns + 0.5).rem_euclid(1.0) - 0.5;
                 assert!(off.abs() < 2e-3, "{begin_turns}: {begin_rad} rad");

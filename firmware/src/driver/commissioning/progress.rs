@@ -63,7 +63,7 @@ reasons! {
     1 Stopped "stopped" "a stop was commanded, or the joint was disarmed";
     2 Fault "fault" "the supervisor stopped it: see the faults";
     3 NoAnswer "no-answer" "the current loop gives no measurement: the bridge does not close";
-    4 NoCurrent "no-current" "no current flows at two fifths of the bus voltage: a phase is open, or the commanded current is too high for this voltage";
+    4 NoCurrent "no-current" "no current flows at a quarter of the bus voltage: a phase is open, or the commanded current is too high for this voltage";
     5 Overcurrent "overcurrent" "the current exceeded 1.5 times the commanded current";
     6 NotAlong "current-not-along-voltage" "the current does not point where the voltage does: a phase is open, or shunts and phases are not in the same order";
     7 RotorStands "rotor-does-not-follow" "the encoder does not turn with the field: the joint is held, the current is too low, or the encoder is on another shaft";

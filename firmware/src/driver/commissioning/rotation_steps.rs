@@ -9,16 +9,16 @@
 //! the rotor lag behind the field in each. The flux is found from the voltage across the current. This voltage grows with
 //! the speed, so the fast steps measure it, as fast as the bus voltage permits.
 
-use super::field_rotation::{FieldRatio, RotationWindow};
+use super::field_rotation::{FieldRatio, Lag, RotationWindow};
 use super::{AbortReason, BlockSums, Commissioning, CommissioningStep, check_range};
 use crate::control::probe::ProbeReport;
 use crate::control::transform::RAD_PER_UNIT;
 use core::f32::consts::{PI, TAU};
 
-/// Speeds of the field, electrical turns per second. The faster one is reduced if its induced voltage would
-/// exceed a quarter of the voltage that drives the current.
+/// Speeds of the field, electrical turns per second.
 pub(super) const SLOW_HZ: f32 = 4.0;
 const FAST_HZ: f32 = 24.0;
+/// Share of the voltage that drives the current, up to which the faster field may induce a voltage; it is reduced beyond.
 const MAX_EMF_SHARE: f32 = 0.35;
 /// Limits of the current while the field turns, as shares: minimum along the field, maximum across it.
 const MIN_ALONG_SHARE: f32 = 0.4;
@@ -38,7 +38,7 @@ impl Commissioning {
             return Err(AbortReason::NotAlong);
         }
         let had = self.rotation.window.blocks;
-        self.rotation.step(block, self.encoder.1, &mut self.command.turn_per_period)?;
+        self.rotation.step(block, self.turned, &mut self.command.turn_per_period)?;
         let window = self.rotation.window;
         if window.blocks > had {
             self.sums.add(block, 0);
@@ -58,15 +58,15 @@ impl Commissioning {
             CommissioningStep::SlowBack => {
                 self.compute_zero(&window)?;
                 // An estimate: the lag of each block is not known yet.
-                self.found.flux_vs = self.compute_flux(-SLOW_HZ, (1.0, 0.0));
+                self.found.flux_vs = self.compute_flux(-SLOW_HZ, Lag::NONE);
                 self.enter(CommissioningStep::FastForward);
             }
             CommissioningStep::FastForward => {
-                self.flux_forward_vs = self.compute_flux(self.fast_hz(), window.behind());
+                self.flux_forward_vs = self.compute_flux(self.fast_hz(), window.lag());
                 self.enter(CommissioningStep::FastBack);
             }
             _ => {
-                let back_vs = self.compute_flux(-self.fast_hz(), window.behind());
+                let back_vs = self.compute_flux(-self.fast_hz(), window.lag());
                 self.found.flux_vs =
                     check_range(0.5 * (self.flux_forward_vs + back_vs), 1e-7, 1e2)?;
                 self.enter(CommissioningStep::Down);
@@ -109,12 +109,12 @@ impl Commissioning {
         bound_hz.clamp(SLOW_HZ, FAST_HZ)
     }
 
-    /// Computes the flux from the mean current of the step at a speed, with cosine and sine of the rotor's lag.
-    fn compute_flux(&self, hz: f32, (cosine, sine): (f32, f32)) -> f32 {
+    /// Computes the flux from the mean current of the step at a speed, with the rotor's lag.
+    fn compute_flux(&self, hz: f32, lag: Lag) -> f32 {
         let BlockSums { voltage_v, along_a, across_a, .. } = self.sums.mean();
         let speed = TAU * hz;
         let [inductance_h, _] = self.found.inductance_h;
         let stored = speed * inductance_h * (along_a * along_a + across_a * across_a);
-        (-voltage_v * across_a - stored) / (speed * (along_a * cosine - across_a * sine))
+        (-voltage_v * across_a - stored) / (speed * (along_a * lag.cosine - across_a * lag.sine))
     }
 }

@@ -52,9 +52,13 @@ impl<F: NorFlash> Device<F> {
             }
             AccessObject::RESPONSE => 0,
             AccessObject::NEW_KEY => Key::LENGTH,
-            _ => 1,
+            AccessObject::NEW_POLICY => 1,
+            _ => return Err(Abort::ReadOnly),
         };
         let (change, proof) = value.split_at_checked(length).ok_or(Abort::TooShort)?;
+        if matches!(change, [2..=u8::MAX]) {
+            return Err(self.base.refuse_setting(text!("new_policy"), text!("0 or 1")));
+        }
         if length > 0 {
             self.refuse_in_trial()?;
         }

@@ -85,8 +85,8 @@ impl<F: NorFlash> Device<F> {
     /// Opens the store of a board with two banks. Returns its older journals, and the home.
     fn open_banks(&mut self, program: Program) -> ([Range<u32>; 2], FoundHome) {
         let opened = self.memory.store.open_mirrored(
-            program.store_slots(true),
-            program.store_slots(false),
+            program.running_store(),
+            program.other_store(),
             |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
         );
         self.program = ProgramState::new(self.memory.store.flash_mut(), program, self.base.now_us);
@@ -112,12 +112,12 @@ impl<F: NorFlash> Device<F> {
     /// Without an intact copy, no response unlocks the joint. `loaded` is the sequence number of the loaded set.
     #[inline(never)]
     fn keep_identity(&mut self, boot: &Boot, loaded: Option<u32>) {
-        let newest = boot.program.map(|program| program.store_slots(true));
+        let newest = boot.program.map(|program| program.running_store());
         let kept = match (self.memory.store.find_identity(newest), loaded) {
-            (FoundIdentity::Copy(sequence, copy), loaded)
-                if loaded.is_none_or(|loaded| !is_newer(loaded, sequence)) =>
+            (FoundIdentity::Copy(copy), loaded)
+                if loaded.is_none_or(|loaded| !is_newer(loaded, copy.sequence)) =>
             {
-                self.base.settings.with_identity(&copy)
+                self.base.settings.with_identity(&copy.identity)
             }
             (_, Some(_)) => return,
             (FoundIdentity::None, None) => return self.memory.is_blank = true,

@@ -166,10 +166,10 @@ impl<F: NorFlash> Device<F> {
         motor.torque_constant_nm_per_a = constant;
         // The electrical angle of other encoders does not count from an index.
         let kind = EncoderKind::of(set.sensors.encoder_kind);
-        if let Some([order, begin_rad]) = self.motion.commissioning.run.found_hall()
+        if let Some(hall) = self.motion.commissioning.run.found_hall()
             && matches!(kind, EncoderKind::Abz | EncoderKind::AbzHall)
         {
-            (set.sensors.hall_order, set.sensors.hall_offset_rad) = (order, begin_rad);
+            (set.sensors.hall_order, set.sensors.hall_offset_rad) = (hall.order, hall.begin_rad);
         }
         self.base.motor.measured_wiring = Some(set.wiring_crc());
     }

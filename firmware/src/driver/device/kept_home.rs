@@ -14,8 +14,14 @@ pub(super) enum HomeState {
     Settled,
     /// It waits for an angle of the encoder.
     Kept(KeptHome),
-    /// It is known with an angle, and waits until the joint is at rest: position, and rotation from an arbitrary zero, rad.
-    Known(KeptHome, [f32; 2]),
+    /// It is known with an angle, and waits until the joint is at rest.
+    Known {
+        kept: KeptHome,
+        /// Position at that angle, rad.
+        position_rad: f32,
+        /// Position from the arbitrary zero at the same time, rad.
+        turned_rad: f32,
+    },
 }
 
 impl<F: NorFlash> Device<F> {
@@ -38,9 +44,9 @@ impl<F: NorFlash> Device<F> {
                 if has_turns(set) && kept.turns.is_some() && turns.is_none() {
                     return;
                 }
-                match kept.position_at((encoder as u32, turns), set) {
+                match kept.position_at(encoder as u32, turns, set) {
                     Ok(position_rad) => {
-                        self.home = HomeState::Known(kept, [position_rad, turned_rad]);
+                        self.home = HomeState::Known { kept, position_rad, turned_rad };
                     }
                     Err(why) => {
                         self.home = HomeState::Settled;
@@ -48,20 +54,20 @@ impl<F: NorFlash> Device<F> {
                     }
                 }
             }
-            HomeState::Known(_, [position_rad, turned_rad])
+            HomeState::Known { position_rad, turned_rad, .. }
                 if self.base.is_standing() && !is_lost =>
             {
                 let now_rad = position_rad + report.turned_rad - turned_rad;
                 self.home = HomeState::Settled;
                 self.base.current_loop.set_home(now_rad);
             }
-            HomeState::Known(..) => {}
+            HomeState::Known { .. } => {}
         }
     }
 
     /// Returns the home to keep; `None` if none is known.
     pub(crate) fn kept_home(&self) -> Option<KeptHome> {
-        if let HomeState::Kept(kept) | HomeState::Known(kept, _) = self.home {
+        if let HomeState::Kept(kept) | HomeState::Known { kept, .. } = self.home {
             return Some(kept);
         }
         self.measured_home().filter(|home| home.position_rad.is_finite())

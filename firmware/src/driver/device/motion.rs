@@ -27,7 +27,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Reports a refusal.
     #[inline(never)]
-    pub(crate) fn refuse(&mut self, Refused(abort, why): Refused) -> Abort {
+    pub(crate) fn refuse(&mut self, Refused { abort, why }: Refused) -> Abort {
         self.base.staging.refuse(abort, why)
     }
 
@@ -72,8 +72,7 @@ impl<F: NorFlash> Device<F> {
             return Ok(());
         }
         self.move_by(Motion::confirm_target);
-        let (fault, armed) = (self.base.is_faulty(), self.is_armed());
-        let request = self.motion.profile.control(controlword, fault, armed);
+        let request = self.motion.profile.control(controlword, self.base.state());
         self.motion.watch_homing();
         match request {
             DriveRequest::None => {
@@ -188,11 +187,17 @@ impl<F: NorFlash> Device<F> {
 
     /// 2030h:11: starts (1) or ends (0) a test on request.
     pub(crate) fn order_brake_test(&mut self, order: u8) -> Result<(), Abort> {
-        if order == 0 {
-            if self.motion.brake_test.is_running() {
+        match order {
+            0 if self.motion.brake_test.is_running() => {
                 self.disarm();
+                return Ok(());
             }
-            return Ok(());
+            0 => return Ok(()),
+            1 => {}
+            _ => {
+                let legal = text!("0 (end) or 1 (test)");
+                return Err(self.base.refuse_setting(text!("test_order"), legal));
+            }
         }
         let drive = &self.base.settings.drive;
         let why = if drive.brake_output == 0 {

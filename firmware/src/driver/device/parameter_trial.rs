@@ -295,7 +295,7 @@ impl<F: NorFlash> Device<F> {
             return Ok(());
         }
         if number as u8 != UNDO {
-            return Err(Abort::Value);
+            return Err(self.base.refuse_setting(text!("undo"), text!("1")));
         }
         self.refuse_in_trial()?;
         if !self.adopt(StoredBlock::Former, self.base.settings.tuning[SET_BEFORE]) {

@@ -12,7 +12,7 @@ use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use crate::update::Program;
 use crate::update::marks::{self, ImageState, SlotState};
-use crate::update::session::{CLEAR, RESTART, Session};
+use crate::update::session::{CLEAR, NO_UPDATES, RESTART, Session};
 use crate::update::trial::{Times, Trial, Verdict};
 use compensator_core::parameters::Text;
 use compensator_core::text;
@@ -90,33 +90,25 @@ impl ProgramState {
     /// Returns object 1F56h: CRC-32 of the running image and of the one in the other slot; 0 if unknown.
     #[inline(never)]
     pub(crate) fn crcs(&self) -> [u32; 2] {
-        let other = self.session.as_ref().map_or(0, |session| session.other().0);
+        let other = self.session.as_ref().map_or(0, Session::other_crc);
         [self.image.map_or(0, |image| image.header.crc), other]
     }
 
     /// Returns object 1F57h.
     pub(crate) fn flash_status(&self) -> u32 {
-        self.session.as_ref().map_or(63 << 1, Session::flash_status)
+        self.session.as_ref().map_or(NO_UPDATES, Session::flash_status)
     }
 
     /// Returns object 2040h.
     pub(crate) fn object(&self) -> ProgramObject {
-        let session = self.session.as_ref();
+        let update = self.session.as_ref().map(Session::object).unwrap_or_default();
         let header = self.image.map(|image| image.header);
-        let (received_bytes, receiving) = session.map_or((0, 0), Session::received);
         ProgramObject {
-            board: session.map_or(0, |session| session.program().board.number),
             version: header.map_or(0, |header| header.version.0),
             rollback_counter: header.map_or(0, |header| header.counter),
             state: self.running as u32,
-            other_version: session.map_or(0, |session| session.other().1),
-            other_state: session.map_or(0, |session| session.other().2 as u32),
-            receiving,
-            received_bytes,
             identity: header.map_or(0, |header| header.identity),
-            accepted_address: session.map_or(0, Session::accepted_address),
-            wiring: session.map_or(0, |session| session.program().board.wiring),
-            update_key: session.map_or(0, Session::update_key),
+            ..update
         }
     }
 }

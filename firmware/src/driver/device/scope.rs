@@ -52,7 +52,10 @@ impl<F: NorFlash> Device<F> {
             ScopeObject::ROWS_BEFORE => settings.rows_before = number as u16,
             ScopeObject::TRIGGER_SIGNAL => settings.trigger_signal = number as u8,
             ScopeObject::TRIGGER_LEVEL => settings.trigger_level = f32::from_bits(number),
-            ScopeObject::IS_FALLING => settings.is_falling = number as u8 != 0,
+            ScopeObject::IS_FALLING if number <= 1 => settings.is_falling = number == 1,
+            ScopeObject::IS_FALLING => {
+                return Err(self.base.refuse_setting(text!("is_falling"), text!("0 or 1")));
+            }
             _ => return Err(Abort::ReadOnly),
         }
         Ok(())

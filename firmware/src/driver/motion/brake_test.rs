@@ -143,8 +143,8 @@ impl Motion {
         let way_rad = report.turned_rad - run.from_rad;
         let [forwards, back] = self.brake_test.ways_rad;
         self.brake_test.ways_rad = [forwards.max(way_rad), back.max(-way_rad)];
-        let torque_a = f32::from(drive.brake_test_torque) * 1e-3 * joint.rated().0;
-        let limit_a = self.profile.max_share() * joint.rated().0;
+        let torque_a = f32::from(drive.brake_test_torque) * 1e-3 * joint.rated_current_a();
+        let limit_a = self.profile.max_share() * joint.rated_current_a();
         let hold_ms = u32::from(drive.brake_test_ms);
         let down_ms = RAMP_MS + hold_ms;
         let up_ms = down_ms + 2 * RAMP_MS + hold_ms;

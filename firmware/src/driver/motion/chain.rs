@@ -105,7 +105,8 @@ impl Motion {
         }
         Some(match mover {
             Mover::FrictionRun => {
-                VelocityTarget::Slew(*self.velocity.gains(), self.friction_target(joint)?)
+                let target_rad_s = self.friction_target(joint)?;
+                VelocityTarget::Slew { gains: *self.velocity.gains(), target_rad_s }
             }
             Mover::Hold => self.holding_target(joint),
             Mover::ProfileVelocity => self.profile_velocity_target(joint),
@@ -118,7 +119,7 @@ impl Motion {
     fn velocity_loop_limit_a(&self, joint: &JointBase, mover: Mover) -> f32 {
         let limit_a = match mover {
             Mover::FrictionRun => self.friction_limit_a(),
-            _ => joint.rated().0 * self.profile.max_share() * self.torque_share(joint),
+            _ => joint.rated_current_a() * self.profile.max_share() * self.torque_share(joint),
         };
         limit_a * joint.supervisor.current_share()
     }
@@ -155,7 +156,7 @@ impl Motion {
     /// other mode.
     #[inline(never)]
     pub(crate) fn torque_mode_current_a(&self, joint: &JointBase) -> f32 {
-        let rated_a = joint.rated().0;
+        let rated_a = joint.rated_current_a();
         match self.profile.mode {
             profile::TQ => self.modes.torque_current_a(rated_a),
             profile::CST => {

@@ -76,28 +76,26 @@ impl Targets {
 }
 
 impl JointBase {
-    /// Returns the rated current, A, and torque, Nm, from the current limits.
+    /// Returns the rated current, A: the lower one of the current limits.
     #[inline(never)]
-    pub(crate) fn rated(&self) -> (f32, f32) {
-        let (motor, compensator) = (&self.set().motor, &self.set().friction.compensator);
-        let current_a = motor.current_limit_a.min(compensator.current_limit_a);
-        (current_a, current_a * compensator.torque_constant_nm_per_a)
+    pub(crate) fn rated_current_a(&self) -> f32 {
+        self.set().motor.current_limit_a.min(self.set().friction.compensator.current_limit_a)
     }
 
-    /// 6075h, mA, and 6076h, mNm.
-    pub(crate) fn ratings(&self) -> [u32; 2] {
-        let (current_a, torque_nm) = self.rated();
-        [(current_a * 1e3) as u32, (torque_nm * 1e3) as u32]
+    /// Returns the torque of the rated current, Nm.
+    #[inline(never)]
+    pub(crate) fn rated_torque_nm(&self) -> f32 {
+        self.rated_current_a() * self.set().friction.compensator.torque_constant_nm_per_a
     }
 
     /// 6077h: torque of the measured current, thousandths of the rated one; not defined for a joint in HIL.
     pub(crate) fn actual_permille(&self) -> i16 {
-        (self.report().motor_torque_nm / self.rated().1 * 1e3) as i16
+        (self.report().motor_torque_nm / self.rated_torque_nm() * 1e3) as i16
     }
 
     /// 6078h: measured torque-producing current, thousandths of the rated one.
     pub(crate) fn actual_current_permille(&self) -> i16 {
-        (self.report().current_a / self.rated().0 * 1e3) as i16
+        (self.report().current_a / self.rated_current_a() * 1e3) as i16
     }
 
     /// 6064h, 1e-6 rad. While the position is unknown, it counts from an arbitrary zero; a joint in HIL then has 0.
@@ -197,7 +195,7 @@ impl Motion {
             | self.profile.homing_bits(joint.is_standing())
             | self.profile.set_point_bits()
             | self.profile_mode_bits(joint)
-            | when(status::FOLLOWING_ERROR, self.following_state(joint).0)
+            | when(status::FOLLOWING_ERROR, self.following_exceeded_ms(joint) > 0)
             | status::REMOTE
             | when(status::VOLTAGE_ENABLED, powered)
             | when(status::TARGET_REACHED, self.stopping.is_held())

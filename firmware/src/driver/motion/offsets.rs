@@ -99,6 +99,6 @@ impl Motion {
     /// Returns the current of the torque offset, A.
     #[inline(never)]
     pub(crate) fn offset_current_a(&self, joint: &JointBase) -> f32 {
-        self.offsets.torque.applied * 1e-3 * joint.rated().0
+        self.offsets.torque.applied * 1e-3 * joint.rated_current_a()
     }
 }

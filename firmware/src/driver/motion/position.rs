@@ -14,6 +14,7 @@
 
 use super::velocity::VelocityTarget;
 use super::{Motion, Refused};
+use crate::control::velocity_loop::TrackedVelocity;
 use crate::driver::angle::{Angle, micro};
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{self, Homing, SetPoint};
@@ -142,8 +143,9 @@ impl Motion {
         let offset =
             if self.profile.mode == profile::CSP { self.velocity_offset_rad_s() } else { 0.0 };
         let wanted = (reference.velocity_rad_s + offset + gain * error_rad).clamp(-most, most);
-        let velocity = self.bounded_velocity(joint, wanted);
-        VelocityTarget::Track(velocity, reference.velocity_rad_s - before.velocity_rad_s)
+        let velocity_rad_s = self.bounded_velocity(joint, wanted);
+        let change_rad_s = reference.velocity_rad_s - before.velocity_rad_s;
+        VelocityTarget::Track(TrackedVelocity { velocity_rad_s, change_rad_s })
     }
 
     fn step_csp(&mut self, joint: &JointBase) {
@@ -173,12 +175,10 @@ impl Motion {
         };
         let (window_rad, window_ms) =
             (drive.position_window as f32 * 1e-6, u32::from(drive.position_time_ms));
-        let at = self.position.reference.position;
-        let (target, is_limited) = match self.profile.set_points.active_micro_rad {
-            Some(target) => self.bounded_target(joint, target),
-            None => (at, false),
-        };
-        self.position.is_limited = is_limited;
+        let wanted = self.profile.set_points.active_micro_rad.map(Angle::from_micro_rad);
+        let target = wanted
+            .map_or(self.position.reference.position, |wanted| self.bounded_target(joint, wanted));
+        self.position.is_limited = wanted.is_some_and(|wanted| wanted != target);
         let has_ended = self.position.reference.move_towards(target, &limits, REPORT_PERIOD_S);
         let error_rad = target - Angle::from_rad(joint.position_rad());
         let is_near = has_ended && error_rad.abs() <= window_rad;
@@ -210,26 +210,26 @@ impl Motion {
                 }
                 let way = if self.profile.homing_method == -1 { -1.0 } else { 1.0 };
                 let share = self.torque_share(joint) * joint.supervisor.current_share();
-                let limit_a = joint.rated().0 * self.profile.max_share() * share;
+                let limit_a = joint.rated_current_a() * self.profile.max_share() * share;
                 let is_still = joint.report().velocity_rad_s.abs() < CONTACT_RAD_S
                     && way * self.velocity.command().current_a >= CONTACT_SHARE * limit_a;
                 let still_ms = if is_still { still_ms + 1 } else { 0 };
                 if still_ms < drive.homing_time_ms {
                     self.position.homing = HomingStep::Seeks { from_rad, still_ms };
-                    let speed = way * drive.homing_speed as f32 * 1e-6;
-                    return Some(VelocityTarget::Slew(gains, speed));
+                    let target_rad_s = way * drive.homing_speed as f32 * 1e-6;
+                    return Some(VelocityTarget::Slew { gains, target_rad_s });
                 }
                 // The torque ends; the position at the stop is minus the offset.
                 self.begin_velocity(joint, joint.set().motor.acceleration_max_rad_s2);
                 let home_rad = -Angle::from_micro_rad(self.profile.home_offset_micro_rad).rad();
                 self.orders.home_rad = Some(home_rad);
                 self.position.homing = HomingStep::Sets(POSITION_REPORTS);
-                Some(VelocityTarget::Slew(gains, 0.0))
+                Some(VelocityTarget::Slew { gains, target_rad_s: 0.0 })
             }
             HomingStep::Sets(left) => {
                 self.position.homing =
                     if left == 0 { HomingStep::Returns } else { HomingStep::Sets(left - 1) };
-                Some(VelocityTarget::Slew(gains, 0.0))
+                Some(VelocityTarget::Slew { gains, target_rad_s: 0.0 })
             }
             HomingStep::Returns => {
                 let speed_rad_s = drive.homing_return_speed as f32 * 1e-6;
@@ -284,13 +284,18 @@ impl Motion {
         position.exceeded_ms = if exceeds { position.exceeded_ms.saturating_add(1) } else { 0 };
     }
 
-    /// Returns true if the following error exceeds its window, and whether for the time of 6066h.
-    pub(crate) fn following_state(&self, joint: &JointBase) -> (bool, bool) {
+    /// Returns the time for which the following error has exceeded its window, ms; 0 without position control.
+    pub(crate) fn following_exceeded_ms(&self, joint: &JointBase) -> u32 {
         let is_controlled = self.is_in_position_control(joint)
             && self.profile.mode != profile::HOMING
             && self.position.has_begun;
-        let ms = if is_controlled { self.position.exceeded_ms } else { 0 };
-        (ms > 0, ms > u32::from(joint.settings.drive.following_time_ms))
+        if is_controlled { self.position.exceeded_ms } else { 0 }
+    }
+
+    /// Returns true if the following error has exceeded its window for the time of 6066h.
+    pub(crate) fn has_following_error(&self, joint: &JointBase) -> bool {
+        let most_ms = joint.settings.drive.following_time_ms;
+        self.following_exceeded_ms(joint) > u32::from(most_ms)
     }
 
     /// Returns the limits of 607Dh, if they act.
@@ -303,12 +308,10 @@ impl Motion {
             .then(|| [drive.position_min, drive.position_max].map(Angle::from_micro_rad))
     }
 
-    /// Returns a target within the limits, and whether they changed it.
-    fn bounded_target(&self, joint: &JointBase, target_micro_rad: i32) -> (Angle, bool) {
-        let wanted = Angle::from_micro_rad(target_micro_rad);
-        let Some([least, most]) = self.position_limits(joint) else { return (wanted, false) };
-        let bounded = wanted.max(least).min(most);
-        (bounded, bounded != wanted)
+    /// Returns a target within the limits.
+    fn bounded_target(&self, joint: &JointBase, wanted: Angle) -> Angle {
+        let Some([least, most]) = self.position_limits(joint) else { return wanted };
+        wanted.max(least).min(most)
     }
 
     /// Returns the velocities, rad/s, between which the joint stops at its limits.
@@ -363,7 +366,7 @@ impl Motion {
         let constant = joint.set().friction.compensator.torque_constant_nm_per_a;
         let deceleration = joint.settings.drive.deceleration as f32 * 1e-6;
         let braking_a = motor.inertia_kg_m2 * deceleration / constant;
-        let rated_a = joint.rated().0;
+        let rated_a = joint.rated_current_a();
         let [least, most] = self.torque_mode_bounds(joint)?;
         let (gain, at) = (motor.velocity_gain_a_s_per_rad, joint.report().velocity_rad_s);
         // The current of the ramp is needed only by a joint that moves towards the limit.
@@ -390,20 +393,19 @@ impl Motion {
         {
             return;
         }
-        let (target, is_limited) = self.bounded_target(joint, target_micro_rad);
+        let wanted = Angle::from_micro_rad(target_micro_rad);
+        let target = self.bounded_target(joint, wanted);
         let steps = joint.settings.drive.interpolation_ms();
         let speed = self.max_speed_rad_s(joint);
         let is_slow = self.position.interpolation.set_target(target, steps, speed, REPORT_PERIOD_S);
         self.position.has_target = true;
-        self.position.is_target_limited = is_limited || !is_slow;
+        self.position.is_target_limited = target != wanted || !is_slow;
     }
 
     /// Takes a set-point of mode 1.
     pub(crate) fn take_set_point(&mut self) {
-        let at = self.position.reference.position.micro_rad();
-        let target = self.profile.target_position_micro_rad;
-        let (is_relative, at_once) = self.profile.set_point_kind();
-        self.profile.set_points.take(target, is_relative, at_once, at);
+        let present_micro_rad = self.position.reference.position.micro_rad();
+        self.profile.set_points.take(self.profile.set_point_offer(), present_micro_rad);
         self.position.reached_ms = 0;
     }
 

@@ -10,6 +10,7 @@
 
 use super::drive::Targets;
 use super::offsets::Offsets;
+use super::velocity::VelocityTarget;
 use super::{Motion, Refused};
 use crate::driver::angle::micro;
 use crate::driver::loop_data::REPORT_PERIOD_S;
@@ -59,8 +60,9 @@ impl Motion {
         self.max_speed_rad_s(joint).min(joint.settings.drive.max_profile_velocity as f32 * 1e-6)
     }
 
-    /// Returns velocity, rad/s, and acceleration, rad/s^2, of a step of mode 3.
-    pub(crate) fn profile_velocity_step(&mut self, joint: &JointBase) -> (f32, f32) {
+    /// Returns the target of a step of mode 3.
+    pub(crate) fn profile_velocity_target(&mut self, joint: &JointBase) -> VelocityTarget {
+        self.position.is_limited = false;
         let wanted_rad_s = self.profile.target_rad_s(self.profile_speed_rad_s(joint));
         let wanted_rad_s = self.bounded_velocity(joint, wanted_rad_s);
         let reference_rad_s = self.velocity.command().reference_rad_s;
@@ -69,7 +71,9 @@ impl Motion {
         let acceleration = if is_slower { drive.deceleration } else { drive.acceleration };
         // A reversal passes through rest, where the other ramp begins.
         let target_rad_s = if reverses { 0.0 } else { wanted_rad_s };
-        (target_rad_s, acceleration as f32 * 1e-6)
+        let acceleration_rad_s2 = acceleration as f32 * 1e-6;
+        let gains = self.velocity.gains().with_acceleration(acceleration_rad_s2, REPORT_PERIOD_S);
+        VelocityTarget::Slew { gains, target_rad_s }
     }
 
     /// Runs a step of the profile modes, once per report.
@@ -111,7 +115,7 @@ impl Motion {
     /// Returns a current in thousandths of the rated one.
     #[inline(never)]
     fn permille_of(&self, joint: &JointBase, current_a: f32) -> f32 {
-        current_a / joint.rated().0 * 1e3
+        current_a / joint.rated_current_a() * 1e3
     }
 
     /// 6074h: the demand before the compensation, thousandths of the rated torque.

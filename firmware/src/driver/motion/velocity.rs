@@ -7,7 +7,9 @@
 use super::Motion;
 use crate::control::LoopFlags;
 use crate::control::MotorParameters;
-use crate::control::velocity_loop::{VelocityCommand, VelocityGains, VelocityLoop};
+use crate::control::velocity_loop::{
+    TrackedVelocity, VelocityCommand, VelocityGains, VelocityLoop,
+};
 use crate::driver::angle::micro;
 use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{CSP, CSV, PV};
@@ -25,10 +27,10 @@ const NOISE_RAD_S: f32 = 0.02;
 /// Target of a step of the velocity loop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum VelocityTarget {
-    /// Velocity, rad/s, approached with the acceleration of the gains.
-    Slew(VelocityGains, f32),
-    /// Velocity, rad/s, as it is, and its change that the inertia needs, rad/s.
-    Track(f32, f32),
+    /// A velocity that is approached with the acceleration of the gains.
+    Slew { gains: VelocityGains, target_rad_s: f32 },
+    /// A velocity as it is.
+    Track(TrackedVelocity),
 }
 
 /// The velocity loop with its gains and its last command.
@@ -106,11 +108,10 @@ impl VelocityControl {
     ) -> bool {
         let before_rad_s = self.command.reference_rad_s;
         self.command = match target {
-            VelocityTarget::Slew(gains, target_rad_s) => {
+            VelocityTarget::Slew { gains, target_rad_s } => {
                 self.control.step(&gains, target_rad_s, velocity_rad_s, limit_a, withheld_a)
             }
-            VelocityTarget::Track(target_rad_s, change_rad_s) => {
-                let reference = [target_rad_s, change_rad_s];
+            VelocityTarget::Track(reference) => {
                 self.control.track(&self.gains, reference, velocity_rad_s, limit_a, withheld_a)
             }
         };
@@ -144,15 +145,7 @@ impl Motion {
         self.interrupt_position();
         self.velocity.begin_course();
         let gains = self.stopping.gains(self.velocity.gains());
-        VelocityTarget::Slew(gains, self.holding_velocity(joint))
-    }
-
-    /// Returns the target of a step of mode 3.
-    pub(crate) fn profile_velocity_target(&mut self, joint: &JointBase) -> VelocityTarget {
-        self.position.is_limited = false;
-        let (target_rad_s, acceleration) = self.profile_velocity_step(joint);
-        let gains = self.velocity.gains().with_acceleration(acceleration, REPORT_PERIOD_S);
-        VelocityTarget::Slew(gains, target_rad_s)
+        VelocityTarget::Slew { gains, target_rad_s: self.holding_velocity(joint) }
     }
 
     /// Returns the target of a step of CSV.
@@ -164,7 +157,7 @@ impl Motion {
         let target_rad_s = target_rad_s + self.velocity_offset_rad_s();
         let target_rad_s = target_rad_s.max(-most_rad_s).min(most_rad_s);
         let target_rad_s = self.bounded_velocity(joint, target_rad_s);
-        VelocityTarget::Slew(*self.velocity.gains(), target_rad_s)
+        VelocityTarget::Slew { gains: *self.velocity.gains(), target_rad_s }
     }
 
     /// Gives the torque offset to the velocity loop, in the cyclic modes.

@@ -58,8 +58,8 @@ impl<F: NorFlash> Device<F> {
             index::HOMING_METHODS => {
                 return entry(&HOMING_METHODS.map(|method| method as u32), place);
             }
-            index::RATED_CURRENT => self.base.ratings()[0],
-            index::RATED_TORQUE => self.base.ratings()[1],
+            index::RATED_CURRENT => (self.base.rated_current_a() * 1e3) as u32,
+            index::RATED_TORQUE => (self.base.rated_torque_nm() * 1e3) as u32,
             index::ACTUAL_TORQUE => self.base.actual_permille() as u32,
             index::SUPPORTED_MODES => profile::SUPPORTED_MODES,
             _ => return Err(Abort::NoObject),

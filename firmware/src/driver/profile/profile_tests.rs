@@ -10,12 +10,20 @@ fn on() -> Profile {
     Profile { mode: CST, ..Profile::default() }
 }
 
+fn enabled() -> Profile {
+    let mut drive = on();
+    for word in [SHUTDOWN, ENABLE] {
+        let _ = drive.control(word, JointState::Safe);
+    }
+    drive
+}
+
 #[test]
 fn controlword_sequence_passes_all_states_and_starts_with_shutdown() {
     let mut drive = on();
     assert_eq!(drive.state_bits(FaultState::None), 0x40);
     for stays in [ENABLE, SWITCH_ON, 0x00, 0x80] {
-        assert_eq!(drive.control(stays, false, false), DriveRequest::None);
+        assert_eq!(drive.control(stays, JointState::Safe), DriveRequest::None);
         assert_eq!(drive.state_bits(FaultState::None), 0x40, "{stays:#x}");
     }
     for (word, bits, request) in [
@@ -23,13 +31,13 @@ fn controlword_sequence_passes_all_states_and_starts_with_shutdown() {
         (SWITCH_ON, 0x23, DriveRequest::None),
         (ENABLE, 0x27 | status::FOLLOWS_TARGET, DriveRequest::Arm),
     ] {
-        assert_eq!(drive.control(word, false, false), request);
+        assert_eq!(drive.control(word, JointState::Safe), request);
         assert_eq!(drive.state_bits(FaultState::None), bits);
     }
     // The same word again requests nothing.
-    assert_eq!(drive.control(ENABLE, false, true), DriveRequest::None);
+    assert_eq!(drive.control(ENABLE, JointState::Armed), DriveRequest::None);
     let mut off = drive;
-    assert_eq!(off.control(0x05, false, true), DriveRequest::Disarm, "disable voltage");
+    assert_eq!(off.control(0x05, JointState::Armed), DriveRequest::Disarm, "disable voltage");
     assert_eq!(off.state_bits(FaultState::None), 0x40);
     // The other commands stop the joint first.
     for (word, cause, during, after) in [
@@ -38,11 +46,11 @@ fn controlword_sequence_passes_all_states_and_starts_with_shutdown() {
         (0x02, StopCause::QuickStop, 0x07, 0x40),
     ] {
         let mut drive = drive;
-        assert_eq!(drive.control(word, false, true), DriveRequest::None, "{word:#x}");
+        assert_eq!(drive.control(word, JointState::Armed), DriveRequest::None, "{word:#x}");
         assert_eq!(drive.stop_cause(), Some(cause), "{word:#x}");
         assert_eq!(drive.state_bits(FaultState::None), during, "{word:#x}");
         let mut resumed = drive;
-        assert_eq!(resumed.control(ENABLE, false, true), DriveRequest::None, "{word:#x}");
+        assert_eq!(resumed.control(ENABLE, JointState::Armed), DriveRequest::None, "{word:#x}");
         assert_eq!(resumed.stop_cause(), None, "{word:#x}");
         drive.end_stop();
         assert_eq!(drive.state_bits(FaultState::None), after, "{word:#x}");
@@ -51,18 +59,16 @@ fn controlword_sequence_passes_all_states_and_starts_with_shutdown() {
 
 #[test]
 fn quick_stop_active_is_left_by_enable_operation_and_disable_voltage_only() {
-    let mut drive = on();
-    for word in [SHUTDOWN, ENABLE, 0x02] {
-        let _ = drive.control(word, false, word == 0x02);
-    }
+    let mut drive = enabled();
+    let _ = drive.control(0x02, JointState::Armed);
     for word in [SHUTDOWN, SWITCH_ON, 0x02, 0x0B] {
-        assert_eq!(drive.control(word, false, true), DriveRequest::None);
+        assert_eq!(drive.control(word, JointState::Armed), DriveRequest::None);
         assert_eq!(drive.state_bits(FaultState::None), 0x07, "{word:#x}");
     }
     let mut off = drive;
-    assert_eq!(off.control(0, false, true), DriveRequest::Disarm);
+    assert_eq!(off.control(0, JointState::Armed), DriveRequest::Disarm);
     assert_eq!(off.state_bits(FaultState::None), 0x40);
-    assert_eq!(drive.control(ENABLE, false, true), DriveRequest::None);
+    assert_eq!(drive.control(ENABLE, JointState::Armed), DriveRequest::None);
     assert_eq!(drive.state_bits(FaultState::None), 0x27 | status::FOLLOWS_TARGET);
     // A fault during the ramp shows as "fault reaction active".
     assert_eq!(drive.state_bits(FaultState::Reacting), 0x0F);
@@ -70,45 +76,37 @@ fn quick_stop_active_is_left_by_enable_operation_and_disable_voltage_only() {
 
 #[test]
 fn halt_bit_holds_an_enabled_drive() {
-    let mut drive = on();
-    for word in [SHUTDOWN, ENABLE, ENABLE | 0x100] {
-        let _ = drive.control(word, false, word != SHUTDOWN);
-    }
+    let mut drive = enabled();
+    let _ = drive.control(ENABLE | 0x100, JointState::Armed);
     assert_eq!(drive.stop_cause(), Some(StopCause::Halt));
     assert_eq!(drive.state_bits(FaultState::None), 0x27);
-    let _ = drive.control(ENABLE, false, true);
+    let _ = drive.control(ENABLE, JointState::Armed);
     assert_eq!(drive.stop_cause(), None);
 }
 
 #[test]
 fn refused_arming_stays_switched_on_and_can_be_repeated() {
     let mut drive = on();
-    let _ = drive.control(SHUTDOWN, false, false);
-    assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
+    let _ = drive.control(SHUTDOWN, JointState::Safe);
+    assert_eq!(drive.control(ENABLE, JointState::Safe), DriveRequest::Arm);
     drive.arm_refused();
     assert_eq!(drive.state_bits(FaultState::None), 0x23);
-    assert_eq!(drive.control(ENABLE, false, false), DriveRequest::Arm);
+    assert_eq!(drive.control(ENABLE, JointState::Safe), DriveRequest::Arm);
 }
 
 #[test]
 fn fault_reset_needs_an_edge_and_leads_to_switch_on_disabled() {
-    let mut drive = on();
-    for word in [SHUTDOWN, ENABLE] {
-        let _ = drive.control(word, false, false);
-    }
+    let mut drive = enabled();
     assert_eq!(drive.state_bits(FaultState::Latched), 0x08);
-    assert_eq!(drive.control(ENABLE, true, false), DriveRequest::None);
-    assert_eq!(drive.control(0x80, true, false), DriveRequest::ClearFaults);
-    assert_eq!(drive.control(0x80, true, false), DriveRequest::None, "no edge");
+    assert_eq!(drive.control(ENABLE, JointState::Fault), DriveRequest::None);
+    assert_eq!(drive.control(0x80, JointState::Fault), DriveRequest::ClearFaults);
+    assert_eq!(drive.control(0x80, JointState::Fault), DriveRequest::None, "no edge");
     // After the reset, an unchanged controlword does not restart the drive.
-    assert_eq!(drive.control(ENABLE, false, false), DriveRequest::None);
+    assert_eq!(drive.control(ENABLE, JointState::Safe), DriveRequest::None);
     assert_eq!(drive.state_bits(FaultState::None), 0x40);
     // After the supervisor disarmed the joint, the drive is not enabled.
-    let mut drive = on();
-    for word in [SHUTDOWN, ENABLE] {
-        let _ = drive.control(word, false, false);
-    }
-    drive.sync_with_supervisor(false, false);
+    let mut drive = enabled();
+    drive.follow_joint(JointState::Safe);
     assert_eq!(drive.state_bits(FaultState::None), 0x40);
 }
 
@@ -116,24 +114,21 @@ fn fault_reset_needs_an_edge_and_leads_to_switch_on_disabled() {
 fn homing_starts_on_an_edge_in_homing_mode_when_enabled() {
     const START: u16 = ENABLE | 0x10;
     let mut drive = Profile { mode: HOMING, ..Profile::default() };
-    assert_eq!(drive.control(START, false, false), DriveRequest::None);
+    assert_eq!(drive.control(START, JointState::Safe), DriveRequest::None);
     for word in [SHUTDOWN, ENABLE] {
-        let _ = drive.control(word, false, false);
+        let _ = drive.control(word, JointState::Safe);
     }
     assert_eq!(drive.state_bits(FaultState::None) | drive.homing_bits(true), 0x0427, "not begun");
-    assert_eq!(drive.control(START, false, true), DriveRequest::Home);
-    assert_eq!(drive.control(START, false, true), DriveRequest::None, "no edge");
+    assert_eq!(drive.control(START, JointState::Armed), DriveRequest::Home);
+    assert_eq!(drive.control(START, JointState::Armed), DriveRequest::None, "no edge");
     drive.homing = Homing::Attained;
     assert_eq!(drive.state_bits(FaultState::None) | drive.homing_bits(true), 0x1427);
     drive.homing = Homing::Failed;
     assert_eq!(drive.homing_bits(true), 0x2400);
     assert_eq!(drive.homing_bits(false), 0x2000);
-    let mut other = on();
-    for word in [SHUTDOWN, ENABLE] {
-        let _ = other.control(word, false, false);
-    }
+    let mut other = enabled();
     assert_eq!(
-        (other.control(START, false, true), other.homing_bits(true)),
+        (other.control(START, JointState::Armed), other.homing_bits(true)),
         (DriveRequest::None, 0)
     );
 }

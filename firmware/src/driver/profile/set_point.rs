@@ -15,20 +15,26 @@ pub struct SetPoint {
     is_reached: bool,
 }
 
+/// A set-point that a master offers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SetPointOffer {
+    /// Position, or the way from the set-point before, 1e-6 rad.
+    pub target_micro_rad: i32,
+    /// The target counts from the set-point before.
+    pub is_relative: bool,
+    /// It replaces the set-points before at once.
+    pub replaces_others: bool,
+}
+
 impl SetPoint {
     /// Takes a set-point if there is room. `present_micro_rad` is the demand without a set-point before.
-    pub fn take(
-        &mut self,
-        target_micro_rad: i32,
-        is_relative: bool,
-        at_once: bool,
-        present_micro_rad: i32,
-    ) {
+    pub fn take(&mut self, offer: SetPointOffer, present_micro_rad: i32) {
+        let SetPointOffer { target_micro_rad, is_relative, replaces_others } = offer;
         let last = self.next_micro_rad.or(self.active_micro_rad).unwrap_or(present_micro_rad);
         let target =
             if is_relative { last.saturating_add(target_micro_rad) } else { target_micro_rad };
         self.is_taken = true;
-        if at_once || self.active_micro_rad.is_none() || self.is_reached {
+        if replaces_others || self.active_micro_rad.is_none() || self.is_reached {
             *self = Self { active_micro_rad: Some(target), is_taken: true, ..Self::default() };
         } else if self.next_micro_rad.is_none() {
             self.next_micro_rad = Some(target);
@@ -63,27 +69,37 @@ impl SetPoint {
 mod tests {
     use super::*;
 
+    const PRESENT: i32 = 7;
+
+    fn absolute(target_micro_rad: i32) -> SetPointOffer {
+        SetPointOffer { target_micro_rad, is_relative: false, replaces_others: false }
+    }
+
+    fn relative(target_micro_rad: i32) -> SetPointOffer {
+        SetPointOffer { is_relative: true, ..absolute(target_micro_rad) }
+    }
+
     #[test]
     fn set_point_waits_for_the_one_before_unless_it_changes_at_once() {
         let mut points = SetPoint::default();
         assert!(points.is_reached() && !points.is_acknowledged(false));
-        points.take(100, false, false, 7);
+        points.take(absolute(100), PRESENT);
         assert_eq!(points.active_micro_rad, Some(100));
         assert!(points.is_acknowledged(true) && !points.is_acknowledged(false));
-        points.take(50, true, false, 7);
+        points.take(relative(50), PRESENT);
         assert_eq!(points.active_micro_rad, Some(100));
         assert!(points.is_acknowledged(false), "no room for another one");
-        points.take(999, false, false, 7);
+        points.take(absolute(999), PRESENT);
         assert!(!points.step(false, false) && points.step(true, false));
         assert_eq!(points.active_micro_rad, Some(150), "the third one was not taken");
-        points.take(-5, false, true, 7);
+        points.take(SetPointOffer { replaces_others: true, ..absolute(-5) }, PRESENT);
         assert_eq!(points.active_micro_rad, Some(-5));
         assert!(!points.is_reached());
         assert!(!points.step(true, true) && points.is_reached());
-        points.take(10, true, false, 7);
+        points.take(relative(10), PRESENT);
         assert_eq!(points.active_micro_rad, Some(5));
         let mut first = SetPoint::default();
-        first.take(10, true, false, 7);
+        first.take(relative(10), PRESENT);
         assert_eq!(first.active_micro_rad, Some(17));
     }
 }

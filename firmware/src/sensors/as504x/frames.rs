@@ -7,7 +7,7 @@
 //! | 13 to 0 | register | angle, or content of the register |
 //!
 //! An answer does not name its register, so the driver keeps what it awaits ([`Awaited`]). Flipped bits are found by the
-//! parity, and a value that does not change by [`STUCK_AFTER_FRAMES`].
+//! parity, and a value that does not change by [`STUCK_AFTER_PAIRS`].
 
 /// Type of the encoder, which differ in the address of their diagnostics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,11 +28,11 @@ impl EncoderType {
     }
 }
 
-/// Number of identical frames after which the angle counts as stuck: 0.2 s at 20 kHz.
+/// Number of pairs with an identical angle after which it counts as stuck: 0.2 s at 20 kHz.
 ///
 /// With a noise of three counts at most every eighth sample repeats the previous one. Even with a tenth of
 /// that noise and the angle in the middle of a count, the value still changes within this time.
-pub const STUCK_AFTER_FRAMES: u16 = 4000;
+pub const STUCK_AFTER_PAIRS: u16 = 4000;
 
 /// Command to read the angle; both types have this address.
 pub(super) const READ_ANGLE: u16 = command(0x3FFF);
@@ -55,16 +55,14 @@ const fn command(register: u16) -> u16 {
 
 /// Reason why a frame contains no angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EncoderError<E> {
-    /// The SPI transfer failed.
-    Spi(E),
+pub enum EncoderError {
     /// The parity is wrong.
     Parity,
-    /// The angle has not changed for [`STUCK_AFTER_FRAMES`] frames.
+    /// The angle has not changed for [`STUCK_AFTER_PAIRS`] pairs.
     Stuck,
     /// The encoder reports an error. The error register is being read, which clears the flag.
     Flagged,
-    /// The frame carries no angle: it is the first one, or the answer about errors or diagnostics.
+    /// The frame carries no angle: it is the answer about errors or diagnostics.
     NoAngle,
     /// The frames of this period were not exchanged in time.
     Missing,
@@ -73,7 +71,6 @@ pub enum EncoderError<E> {
 /// Content of the next answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Awaited {
-    Unknown,
     Angle,
     Errors,
     Diagnostics,
@@ -82,17 +79,16 @@ pub(super) enum Awaited {
 /// Evaluates answers: parity, flag, and whether the angle still changes.
 #[derive(Debug)]
 pub(super) struct AnswerCheck {
-    pub errors: u16,
     /// Last diagnostics.
-    pub diagnostics: u16,
-    /// Last angle, and number of frames since it changed.
+    diagnostics: u16,
+    /// Last angle, and number of pairs since it changed.
     last: u16,
-    identical_frames: u16,
+    identical_pairs: u16,
 }
 
 impl AnswerCheck {
     pub const fn new() -> Self {
-        Self { errors: 0, diagnostics: 0, last: 0, identical_frames: 0 }
+        Self { diagnostics: 0, last: 0, identical_pairs: 0 }
     }
 
     pub const fn has_magnet_fault(&self) -> bool {
@@ -101,16 +97,13 @@ impl AnswerCheck {
 
     /// Returns the angle of an answer of which `awaited` is expected.
     #[inline(always)]
-    pub fn angle<E>(&mut self, awaited: Awaited, answer: u16) -> Result<u16, EncoderError<E>> {
+    pub fn angle(&mut self, awaited: Awaited, answer: u16) -> Result<u16, EncoderError> {
         if !answer.count_ones().is_multiple_of(2) {
             return Err(EncoderError::Parity);
         }
         match awaited {
-            Awaited::Unknown => Err(EncoderError::NoAngle),
-            Awaited::Errors => {
-                self.errors |= answer & DATA;
-                Err(EncoderError::NoAngle)
-            }
+            // The read has cleared the flag. Which error it was changes nothing.
+            Awaited::Errors => Err(EncoderError::NoAngle),
             Awaited::Angle | Awaited::Diagnostics if answer & ERROR != 0 => {
                 Err(EncoderError::Flagged)
             }
@@ -120,10 +113,10 @@ impl AnswerCheck {
             }
             Awaited::Angle => {
                 let angle = answer & DATA;
-                self.identical_frames =
-                    if angle == self.last { self.identical_frames.saturating_add(1) } else { 0 };
+                self.identical_pairs =
+                    if angle == self.last { self.identical_pairs.saturating_add(1) } else { 0 };
                 self.last = angle;
-                if self.identical_frames < STUCK_AFTER_FRAMES {
+                if self.identical_pairs < STUCK_AFTER_PAIRS {
                     Ok(angle)
                 } else {
                     Err(EncoderError::Stuck)

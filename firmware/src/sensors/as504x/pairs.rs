@@ -5,8 +5,11 @@
 //! angle.
 
 use super::frames::{AnswerCheck, Awaited, EncoderError, EncoderType, READ_ANGLE, READ_ERRORS};
-use super::{DIAGNOSE_AFTER_FRAMES, DIAGNOSE_EVERY_FRAMES};
-use core::convert::Infallible;
+
+/// Pairs from one reading of the diagnostics to the next: a second at 20 kHz.
+const DIAGNOSE_EVERY_PAIRS: u16 = 20_000;
+/// Pairs from the start to the first reading: 50 ms.
+const DIAGNOSE_AFTER_PAIRS: u16 = 1000;
 
 /// Evaluates pairs of frames.
 #[derive(Debug)]
@@ -34,7 +37,7 @@ impl FramePairs {
             reads_errors: false,
             reads_diagnostics: false,
             awaits_diagnostics: false,
-            pairs_left: DIAGNOSE_AFTER_FRAMES,
+            pairs_left: DIAGNOSE_AFTER_PAIRS,
         }
     }
 
@@ -53,13 +56,13 @@ impl FramePairs {
     /// # Errors
     /// Returns why there is no angle. Keep calling: the encoder recovers if possible.
     #[inline(always)]
-    pub fn angle(&mut self, answers: Option<[u16; 2]>) -> Result<u16, EncoderError<Infallible>> {
+    pub fn angle(&mut self, answers: Option<[u16; 2]>) -> Result<u16, EncoderError> {
         let awaited = if self.reads_errors { Awaited::Errors } else { Awaited::Angle };
         let angle = match answers {
             Some([first, second]) => {
                 if self.awaits_diagnostics {
                     // A flag or wrong parity shows in the second answer, too, or the next time.
-                    let _ = self.check.angle::<Infallible>(Awaited::Diagnostics, first);
+                    let _ = self.check.angle(Awaited::Diagnostics, first);
                 }
                 self.check.angle(awaited, second)
             }
@@ -70,7 +73,7 @@ impl FramePairs {
         self.pairs_left -= 1;
         self.reads_diagnostics = self.pairs_left == 0;
         if self.reads_diagnostics {
-            self.pairs_left = DIAGNOSE_EVERY_FRAMES;
+            self.pairs_left = DIAGNOSE_EVERY_PAIRS;
         }
         angle
     }
@@ -78,10 +81,5 @@ impl FramePairs {
     /// Returns true if the last diagnostics report a magnet that is too weak, too strong or misplaced.
     pub const fn has_magnet_fault(&self) -> bool {
         self.check.has_magnet_fault()
-    }
-
-    /// Returns all bits of the error register since the last call, as [`super::As504x::take_errors`].
-    pub fn take_errors(&mut self) -> u16 {
-        core::mem::take(&mut self.check.errors)
     }
 }

@@ -3,14 +3,20 @@
 use super::bench::Bench;
 use super::drive::{control, in_cst};
 use compensator_core::can::{Message, SyncFrame};
+use firmware::access::Key;
 use firmware::background::BoardState;
 use firmware::driver::{Boot, LoopReport};
 use firmware::joint_node::Joint as _;
+use firmware::node::dictionary::records::{
+    AccessObject, HoldingBrakeObject, ScopeObject, TuningObject,
+};
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 use firmware::sensors::bme280::Air;
 use firmware::sensors::enclosure::Readings;
 use firmware::supervisor::Code;
+
+const OUT_OF_RANGE: u32 = 0x0609_0030;
 
 /// Stored settings that differ from their defaults: index, sub-index, value.
 const SETTINGS: &[(u16, u8, &[u8])] = &[
@@ -53,6 +59,25 @@ const TRANSIENT: &[(u16, u8, &[u8])] = &[
     (index::VELOCITY_OFFSET, 0, &[0x20, 0xA1, 0x07, 0]),
     (index::TORQUE_OFFSET, 0, &[0x64, 0]),
 ];
+
+#[test]
+fn order_or_switch_beyond_its_values_is_refused_with_its_name() {
+    let mut bench = Bench::on_sensors();
+    for (at_index, sub_index, name) in [
+        (index::HOLDING_BRAKE, HoldingBrakeObject::TEST_ORDER, "test_order"),
+        (index::SCOPE, ScopeObject::IS_FALLING, "is_falling"),
+        (index::TUNING, TuningObject::UNDO, "undo"),
+        (index::ERROR_FIELD, 0, "predefined_error_field"),
+    ] {
+        assert_eq!(bench.write(at_index, sub_index, &[2]), Err(OUT_OF_RANGE), "{name}");
+        crate::message::require(&bench.text(index::REFUSAL), &[name, "must be"]);
+    }
+    assert_eq!(
+        bench.write_proven(AccessObject::NEW_POLICY, &[2], &Key::DEFAULT),
+        Err(OUT_OF_RANGE)
+    );
+    crate::message::require(&bench.text(index::REFUSAL), &["new_policy", "must be"]);
+}
 
 fn write_all(bench: &mut Bench, values: &[(u16, u8, &[u8])]) {
     for (at_index, sub_index, value) in values {

@@ -90,7 +90,7 @@ fn check_session(flash: &Flash, running: usize) {
     let before: Vec<_> = flash.image().copied().collect();
     let mut session = Session::new(&mut flash, program(running), 0);
     assert!(before.iter().eq(flash.image()), "a new session writes");
-    let _ = (session.other(), session.flash_status(), session.received());
+    let _ = (session.other_crc(), session.flash_status(), session.object());
     let mut receiver = Receiver::new(program(running));
     if let Some(header) = receiver.resume(&mut flash.clone()) {
         assert!(receiver.received() > 0 && receiver.received() < header.package_bytes());

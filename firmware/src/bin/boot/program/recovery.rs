@@ -5,9 +5,7 @@ use super::flash::ChipFlash;
 use super::{can, clocks, pins, watchdog};
 use compensator_core::can::Frame;
 use cortex_m::peripheral::DWT;
-use firmware::node_settings::BusSettings;
-use firmware::store::{FoundIdentity, MAX_PAYLOAD, Store};
-use firmware::update::recovery::{Recovery, identity};
+use firmware::update::recovery::{Recovery, identity, stored_settings};
 use heapless::Deque;
 
 const CYCLES_PER_US: u32 = super::scales::CAN_HZ / 1_000_000;
@@ -33,8 +31,8 @@ impl Clock {
 }
 
 /// Answers on the bus until a restart is requested.
-pub fn run(flash: ChipFlash) -> ! {
-    let (settings, flash) = stored_settings(flash);
+pub fn run(mut flash: ChipFlash) -> ! {
+    let settings = stored_settings(&mut flash, &PROGRAM);
     let wired = pins::wiring(embassy_stm32::init(clocks::clocks(pins::CRYSTAL)));
     cortex_m::interrupt::disable();
     // SAFETY: embassy does not use these two.
@@ -80,29 +78,4 @@ fn send(controller: &mut can::Controller, node: &mut Recovery<ChipFlash>) {
     while let Some(frame) = node.transmit_if(|identifier| controller.has_room_for(identifier)) {
         controller.send(&frame);
     }
-}
-
-/// Reads node number and bit rate from the newest copy of the joint's identity, or from the newest set if there is no copy;
-/// the defaults if there are none.
-#[inline(never)]
-fn stored_settings(flash: ChipFlash) -> (BusSettings, ChipFlash) {
-    let mut store = Store::open_within(flash, PROGRAM.store_slots(false));
-    if let FoundIdentity::Copy(_, identity) = store.find_identity(Some(PROGRAM.store_slots(true)))
-        && let Some(settings) = identity.first_chunk().and_then(BusSettings::parse)
-    {
-        return (settings, store.into_flash());
-    }
-    let (mut newest, mut flash) = (None, store.into_flash());
-    for in_own_bank in [false, true] {
-        let mut block = [0; MAX_PAYLOAD];
-        let mut store = Store::open_within(flash, PROGRAM.store_slots(in_own_bank));
-        if let Ok(loaded) = store.load(&mut block)
-            && let Some(settings) = block.first_chunk().and_then(BusSettings::parse)
-            && newest.as_ref().is_none_or(|(sequence, _)| loaded.sequence > *sequence)
-        {
-            newest = Some((loaded.sequence, settings));
-        }
-        flash = store.into_flash();
-    }
-    (newest.map_or_else(BusSettings::default, |(_, settings)| settings), flash)
 }

@@ -6,15 +6,27 @@
 use super::course::set;
 use crate::common::{image, write_figures};
 use compensator_core::LawKind;
-use compensator_core::term::TermKind;
+use compensator_core::term::{MAX_TERMS, TermKind};
 use emulated_board::BoardDriver;
 use emulated_board::costs::Costs;
-use firmware::reference_joint::{COSTLIEST_TERMS, configuration};
+use firmware::reference_joint::configuration;
 use joint_rig::{JointRig, PERIOD_CYCLES, PowerUp, RigFaults, stage_at_power_up};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
+
+/// The terms with the highest individual cost, the costliest first: as many as a model holds.
+pub const COSTLIEST_TERMS: [TermKind; MAX_TERMS] = [
+    TermKind::TorqueRipple,
+    TermKind::DwellTimeStatic,
+    TermKind::TimeDrift,
+    TermKind::PositionRipple,
+    TermKind::LookupTable,
+    TermKind::GravityImbalance,
+    TermKind::WarmUp,
+    TermKind::Backlash,
+];
 
 /// Models, with limits of the share of the period that the interrupt takes, by the upper estimate: a tenth
 /// below, and 7 % above, as sensors that a user adds need what is left.

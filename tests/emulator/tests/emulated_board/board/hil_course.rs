@@ -1,6 +1,7 @@
 //! Models and drawn inputs for the image in HIL: every law and every term, and values that no sensor should send.
 
 use super::board_bus::NODE;
+use super::cost::COSTLIEST_TERMS;
 use compensator_core::can::{
     CommandFrame, Message, MotionFrame, SealFrame, SurroundingsFrame, SyncFrame, TorqueFrame,
 };
@@ -10,7 +11,7 @@ use compensator_core::term::TermKind;
 use compensator_core::{Compensator, Fixed, LawKind};
 use core_image::PERIOD_S;
 use firmware::control;
-use firmware::reference_joint::{COSTLIEST_TERMS, configuration};
+use firmware::reference_joint::configuration;
 use joint_bus::replay::Plan;
 use joint_bus::replay::plan::{PlannedFrame, SkippedFrames};
 use rand::{RngExt, SeedableRng};
