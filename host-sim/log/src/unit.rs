@@ -135,6 +135,9 @@ const UNITS: &[Unit] = {
     ]
 };
 
+/// Relative error of a few operations of `f64`.
+const ROUNDING_ERRORS: f64 = 4.0 * f64::EPSILON;
+
 /// Conversion of a column's numbers to the contract's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Conversion {
@@ -179,10 +182,12 @@ impl Conversion {
         self.date_order
     }
 
-    /// Returns the nanoseconds in one unit of time.
-    pub fn nanoseconds(&self) -> i128 {
+    /// Returns the nanoseconds in one unit of time; `None` if they are no whole number.
+    pub fn nanoseconds(&self) -> Option<i128> {
         let (times, over, _) = self.linear;
-        (1e9 * times / over) as i128
+        let ns = 1e9 * times / over;
+        let is_whole = (ns - ns.round()).abs() <= ROUNDING_ERRORS * ns && ns.round() > 0.0;
+        is_whole.then_some(ns.round() as i128)
     }
 }
 
