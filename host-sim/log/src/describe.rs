@@ -4,6 +4,7 @@ use super::column_names::ColumnNames;
 use super::column_pair::ColumnPair;
 use super::contract::{RUN, TIME};
 use super::error::{DataError, listed};
+use super::guess::{self, Fit};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
 use super::naming::UNKNOWN_UNIT;
@@ -14,7 +15,7 @@ use super::preset::Preset;
 use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey, SurveyedColumn, surveyed_columns};
-use super::{guess, torque_constant, unit};
+use super::{torque_constant, unit};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
 use std::path::Path;
@@ -33,6 +34,17 @@ const REQUIRED: [&str; 3] = ["time_s", "velocity_rad_s", "torque_nm"];
 /// # Errors
 /// If the file cannot be read as a table.
 pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
+    describe(file, options).map(|description| description.survey)
+}
+
+/// A survey, and what the error of a missing column needs of it.
+struct Description {
+    survey: Survey,
+    /// True if the suggestions have units by the sizes of the values.
+    has_units_by_size: bool,
+}
+
+fn describe(file: &Path, options: &ReadOptions) -> Result<Description, DataError> {
     let size = file_size(file)?;
     let request = Request {
         path: file,
@@ -78,7 +90,8 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     notes.extend(doubts);
     suggest_joints(&mut columns);
     suggest_preset(file, options, preset, &mut columns);
-    Ok(Survey { columns, preset, notes })
+    let has_units_by_size = found.iter().flatten().any(|guess| guess.is_by_size);
+    Ok(Description { survey: Survey { columns, preset, notes }, has_units_by_size })
 }
 
 /// Returns the quantity that a column may hold by its name and unit. Adds a doubt if they contradict each other.
@@ -223,7 +236,7 @@ fn one_of_each(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<S
         let rank = |at: usize, of: &Guess| {
             let has_unit =
                 of.is_known || of.unit.as_deref().is_some_and(|unit| unit != UNKNOWN_UNIT);
-            (of.quantity == names[at], guess::score(of.quantity, names[at]), has_unit)
+            (of.quantity == names[at], guess::fit(of.quantity, names[at]), has_unit)
         };
         let rank_here = rank(at, guess);
         let is_same = |of: &Guess| {
@@ -312,9 +325,6 @@ fn add_units_by_size(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) {
     }
 }
 
-/// Beginning of the note on units by size.
-const BY_SIZE: &str = "The units of ";
-
 /// Returns what else to type or to check.
 fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
     let guesses = columns.iter().zip(found).filter_map(|(column, of)| Some((column, of.as_ref()?)));
@@ -334,7 +344,7 @@ fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
     let open: Vec<&str> = open.map(|(column, _)| column.name.as_str()).collect();
     let current = guesses.clone().find(|(column, _)| guess::is_current(&column.name));
     let by_size = (!by_size.is_empty()).then(|| {
-        format!("{BY_SIZE}{} are by the sizes of their values: check them.", listed(&by_size))
+        format!("The units of {} are by the sizes of their values: check them.", listed(&by_size))
     });
     let open = (!open.is_empty()).then(|| {
         format!(
@@ -382,14 +392,15 @@ fn suggest_preset(
 
 /// Replaces the list of all columns in an error by the likely ones, if there are many.
 pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> DataError {
-    let DataError::MissingColumns { file, mut found, mut expected, missing, count } = error else {
+    let DataError::MissingColumns { file, mut found, mut expected, pairs, missing, count } = error
+    else {
         return error;
     };
     if missing.is_empty() {
         let columns = survey(&file, options).map(|found| found.columns).unwrap_or_default();
         let sets = pair_sets(&columns);
         return match sets.iter().all(String::is_empty) {
-            true => DataError::MissingColumns { file, found, expected, missing, count },
+            true => DataError::MissingColumns { file, found, expected, pairs, missing, count },
             false => no_header(&file, &sets, count),
         };
     }
@@ -410,16 +421,15 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
         };
         expected += &format!("; {} lists all", Setting::Columns.given("help"));
     }
-    DataError::MissingColumns { file, found, expected, missing, count }
+    DataError::MissingColumns { file, found, expected, pairs, missing, count }
 }
 
 /// Returns the pairs whose units are by the sizes of the values, as the end of what an error expects; else an empty text.
 fn pairs_by_size(file: &Path, options: &ReadOptions) -> String {
-    let Ok(Survey { columns, notes, .. }) = survey(file, options) else { return String::new() };
-    if !notes.iter().any(|note| note.starts_with(BY_SIZE)) {
+    let Ok(Description { survey, has_units_by_size: true }) = describe(file, options) else {
         return String::new();
-    }
-    let sets = pair_sets(&columns);
+    };
+    let sets = pair_sets(&survey.columns);
     // A name that cannot be typed does not help.
     if sets.iter().any(|pairs| pairs.contains(char::is_control)) {
         return String::new();
@@ -446,11 +456,12 @@ fn pair_sets(columns: &[ColumnSummary]) -> Vec<String> {
 
 /// Returns the names of the numeric columns that probably hold a quantity, the most probable first.
 fn likely<'a>(contract_name: &str, columns: &'a [ColumnSummary]) -> Vec<&'a str> {
-    let scored = columns.iter().filter(|column| column.is_numeric());
-    let scored = scored.map(|column| (guess::score(contract_name, &column.name), &*column.name));
-    let mut scored: Vec<(u32, &str)> = scored.filter(|(score, _)| *score > 0).collect();
-    scored.sort_by_key(|(score, _)| std::cmp::Reverse(*score));
-    scored.into_iter().take(LIKELY_COLUMNS).map(|(_, name)| name).collect()
+    let columns = columns.iter().filter(|column| column.is_numeric());
+    let fit =
+        |column: &'a ColumnSummary| Some((guess::fit(contract_name, &column.name)?, &*column.name));
+    let mut fitting: Vec<(Fit, &str)> = columns.filter_map(fit).collect();
+    fitting.sort_by_key(|(fit, _)| std::cmp::Reverse(*fit));
+    fitting.into_iter().take(LIKELY_COLUMNS).map(|(_, name)| name).collect()
 }
 
 #[cfg(test)]
