@@ -115,7 +115,8 @@ impl Clock {
     }
 
     fn convert_count(&mut self, row: &Row, value: f64) -> Option<f64> {
-        let Some(conversion) = self.reading.conversion else { return Some(value) };
+        // A number without a unit has no common origin with the dates of its column.
+        let conversion = self.reading.conversion?;
         let whole = if value.fract() != 0.0 || !value.is_finite() {
             None
         } else if value.abs() < MAX_EXACT_INTEGER {
@@ -123,7 +124,7 @@ impl Clock {
         } else {
             std::str::from_utf8(&row.text(self.reading.index)).ok()?.trim().parse().ok()
         };
-        let stamp = whole.and_then(|whole: i128| whole.checked_mul(conversion.nanoseconds()));
+        let stamp = whole.and_then(|whole: i128| whole.checked_mul(conversion.nanoseconds()?));
         match (stamp, self.origin_ns) {
             (Some(stamp), _)
                 if self.origin_ns.is_some() || !self.is_started && stamp >= MIN_EPOCH_NS =>
@@ -235,6 +236,29 @@ mod tests {
         let found = times(Some(1), &[&["23:59:59", "14.03.2024"], &["00:00:01", "16.03.2024"]]);
         assert_eq!(found, [Some(0.0), Some(86_402.0)]);
         assert_eq!(times(Some(1), &[&["1.5", "3"], &["2.5", "3"]]), [Some(1.5), Some(2.5)]);
+    }
+
+    #[test]
+    fn time_s_with_plain_number_among_dates_returns_none() {
+        let rows: [&[&str]; 3] = [&["2024-05-01T12:00:00"], &["1.5"], &["2024-05-01T12:00:02"]];
+        assert_eq!(times(None, &rows), [Some(0.0), None, Some(2.0)]);
+    }
+
+    #[test]
+    fn time_s_of_counts_since_1970_counts_from_the_first() {
+        // 0.0864 s is a whole number of nanoseconds, but not in `f64`; 1/32768 s is none.
+        for (unit, count, seconds) in [
+            ("ns", 1_714_564_800_000_000_000_i64, 1e-9),
+            ("0.0864s", 19_844_500_000, 0.0864),
+            ("1/32768s", 56_182_859_000_000, 1.0 / 32_768.0),
+        ] {
+            let conversion = crate::unit::conversion("time_s", unit).ok();
+            let mut clock = Clock::new(CellReader { conversion, ..CellReader::plain(0) }, None);
+            let (first, last) = (count.to_string(), (count + 1_000_000).to_string());
+            let found = each_text_row(&[&[&*first], &[&*last]], |row| clock.time_s(row));
+            let passed_s = found[1].unwrap() - found[0].unwrap();
+            assert!((passed_s / (1e6 * seconds) - 1.0).abs() < 1e-6, "{unit}: {passed_s}");
+        }
     }
 
     #[test]

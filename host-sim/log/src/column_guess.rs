@@ -8,6 +8,7 @@ use super::column_pair::ColumnPair;
 use super::contract::TIME;
 use super::size::{self, MotionSample, MotionUnits};
 use super::statistics::{correlation, median};
+use std::ops::Range;
 
 /// Minimum correlation of a velocity with the derivative of a position.
 const MIN_MOTION_FIT: f64 = 0.9;
@@ -21,12 +22,20 @@ const MIN_ROWS: usize = 20;
 /// Minimum share of the steps of a clock between half and twice their median.
 const MIN_REGULAR_STEPS: f64 = 0.8;
 
-/// Units of time, each with its length, s, and the steps that suggest it.
-const CLOCK_UNITS: [(Option<&str>, f64, std::ops::Range<f64>); 4] = [
-    (None, 1.0, 1e-5..0.15),
-    (Some("ms"), 1e-3, 0.15..60.0),
-    (Some("us"), 1e-6, 60.0..1e5),
-    (Some("ns"), 1e-9, 1e5..1e9),
+/// A unit of time.
+struct ClockUnit {
+    /// `None` for that of the contract.
+    unit: Option<&'static str>,
+    length_s: f64,
+    /// The steps that suggest it.
+    steps: Range<f64>,
+}
+
+const CLOCK_UNITS: [ClockUnit; 4] = [
+    ClockUnit { unit: None, length_s: 1.0, steps: 1e-5..0.15 },
+    ClockUnit { unit: Some("ms"), length_s: 1e-3, steps: 0.15..60.0 },
+    ClockUnit { unit: Some("us"), length_s: 1e-6, steps: 60.0..1e5 },
+    ClockUnit { unit: Some("ns"), length_s: 1e-9, steps: 1e5..1e9 },
 ];
 
 /// A quantity that a column may hold.
@@ -52,6 +61,30 @@ impl QuantityGuess {
     }
 }
 
+/// A column that may hold the times, or the steps between them.
+struct ClockColumn {
+    column: usize,
+    guess: QuantityGuess,
+    /// Length of its unit, s; `None` for steps.
+    length_s: Option<f64>,
+}
+
+/// The columns of a position and of a velocity.
+#[derive(Clone, Copy)]
+struct MotionPair {
+    position: usize,
+    velocity: usize,
+}
+
+/// A motion whose sign a torque may follow.
+struct Motion {
+    column: usize,
+    /// True if the column is taken as a velocity, false if as a position.
+    is_velocity: bool,
+    /// The velocities.
+    velocities: Vec<f64>,
+}
+
 /// Returns for each column the quantities that it may hold; the most probable first.
 pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<QuantityGuess>> {
     let mut found: Vec<Vec<QuantityGuess>> = vec![Vec::new(); columns.len()];
@@ -59,62 +92,87 @@ pub(super) fn guesses(columns: &[Vec<f64>]) -> Vec<Vec<QuantityGuess>> {
         return found;
     }
     let varies = |at: &usize| columns[*at].iter().any(|value| *value != columns[*at][0]);
-    let stamps = (0..columns.len()).find_map(|at| Some((at, clock(&columns[at])?)));
+    let stamps = (0..columns.len()).find_map(|at| clock(at, &columns[at]));
     // A constant column is a step only beside a motion and a torque.
     let has_others = (0..columns.len()).filter(varies).count() > 1;
-    let steps = || (0..columns.len()).find_map(|at| Some((at, step(&columns[at])?)));
+    let steps = || (0..columns.len()).find_map(|at| step(at, &columns[at]));
     let clock = stamps.or_else(|| has_others.then(steps).flatten());
-    // The times in s; none for a column of steps, and without a clock.
-    let mut times: Vec<Option<Vec<f64>>> = vec![None];
-    if let Some((at, (guess, length_s))) = &clock {
-        found[*at].push(*guess);
-        let scaled = |length_s: f64| -> Option<Vec<f64>> {
-            Some(columns[*at].iter().map(|t| t * length_s).collect())
-        };
-        times = vec![length_s.and_then(scaled)];
-        // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
-        times.extend(length_s.filter(|length_s| *length_s != 1.0).map(|_| scaled(1.0)));
+    if let Some(clock) = &clock {
+        found[clock.column].push(clock.guess);
     }
+    let times = possible_times(columns, clock.as_ref());
     let mut free: Vec<usize> = (0..columns.len()).collect();
     free.retain(|at| found[*at].is_empty() && varies(at));
-    let motion = motion(columns, &free, times[0].as_deref());
-    let signs: Vec<(usize, Vec<f64>)> = match motion {
-        Some((q, v)) => {
-            let (position, velocity) = (Some(&columns[q][..]), Some(&columns[v][..]));
-            let of = MotionSample { position, velocity, ..MotionSample::default() };
-            let units = |time: &Option<Vec<f64>>| {
-                size::motion_units(MotionSample { time_s: time.as_deref(), ..of })
-            };
-            let place = times.iter().position(|time| units(time).is_by_ratio).unwrap_or_default();
-            let (time, units) = (times[place].as_deref(), units(&times[place]));
-            if let (Some((at, _)), 1..) = (&clock, place) {
-                found[*at] = vec![QuantityGuess::new(TIME, None)];
-            }
-            // A voltage follows the velocity in no known ratio.
-            let is_velocity = units.is_by_ratio || time.is_none();
-            let units = || units.all.iter().copied();
-            found[q].extend(units().map(|[_, unit]| QuantityGuess::new("position_rad", unit)));
-            if is_velocity {
-                found[v]
-                    .extend(units().map(|[unit, _]| QuantityGuess::new("velocity_rad_s", unit)));
-            }
-            free.retain(|at| found[*at].is_empty() && *at != v);
-            let of_position = || derivative(&columns[q], time);
-            vec![if is_velocity { (v, columns[v].clone()) } else { (q, of_position()) }]
+    let pair = motion_pair(columns, &free, times[0].as_deref());
+    let motions = match pair {
+        Some(pair) => {
+            let motion = guess_pair(columns, pair, clock.as_ref(), &times, &mut found);
+            free.retain(|at| found[*at].is_empty() && *at != pair.velocity);
+            vec![motion]
         }
         // Without a pair, any column may be the motion: a velocity itself, or a position.
-        None => {
-            let both = |at: &usize| [columns[*at].clone(), derivative(&columns[*at], None)];
-            free.iter().flat_map(|at| both(at).map(|values| (*at, values))).collect()
-        }
+        None => free.iter().flat_map(|at| alone(columns, *at)).collect(),
     };
-    let is_only = motion.is_some() && free.len() == 1;
-    let Some((torque, number, of)) = torque(columns, &free, &signs, is_only) else { return found };
+    let is_only = pair.is_some() && free.len() == 1;
+    let Some((torque, motion)) = torque(columns, &free, &motions, is_only) else { return found };
     found[torque].push(QuantityGuess::new("torque_nm", None));
-    if found[of].is_empty() {
-        found[of] = guesses_of_motion(&columns[of], number % 2 == 0);
+    if found[motion.column].is_empty() {
+        found[motion.column] = guesses_of_motion(&columns[motion.column], motion.is_velocity);
     }
     found
+}
+
+/// Returns the times in s that a clock may have, the most probable first; `None` for steps, and without a clock.
+fn possible_times(columns: &[Vec<f64>], clock: Option<&ClockColumn>) -> Vec<Option<Vec<f64>>> {
+    let Some(ClockColumn { column, length_s: Some(length_s), .. }) = clock else {
+        return vec![None];
+    };
+    let in_unit = |length_s: f64| Some(columns[*column].iter().map(|t| t * length_s).collect());
+    // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
+    let units = if *length_s == 1.0 { vec![1.0] } else { vec![*length_s, 1.0] };
+    units.into_iter().map(in_unit).collect()
+}
+
+/// Adds the guesses of a position and a velocity, and returns the motion. Corrects that of the clock, if the motion shows that
+/// it is in seconds.
+fn guess_pair(
+    columns: &[Vec<f64>],
+    pair: MotionPair,
+    clock: Option<&ClockColumn>,
+    times: &[Option<Vec<f64>>],
+    found: &mut [Vec<QuantityGuess>],
+) -> Motion {
+    let position = Some(&columns[pair.position][..]);
+    let velocity = Some(&columns[pair.velocity][..]);
+    let units = |time: &Option<Vec<f64>>| {
+        let time_s = time.as_deref();
+        size::motion_units(MotionSample { time_s, position, velocity, ..MotionSample::default() })
+    };
+    let place = times.iter().position(|time| units(time).is_by_ratio).unwrap_or_default();
+    if let (Some(clock), 1..) = (clock, place) {
+        found[clock.column] = vec![QuantityGuess::new(TIME, None)];
+    }
+    let (time, units) = (times[place].as_deref(), units(&times[place]));
+    let position_guess = |of: &MotionUnits| QuantityGuess::new("position_rad", of.position);
+    found[pair.position].extend(units.all.iter().map(position_guess));
+    // A voltage follows the velocity in no known ratio.
+    if units.is_by_ratio || time.is_none() {
+        let velocity_guess = |of: &MotionUnits| QuantityGuess::new("velocity_rad_s", of.velocity);
+        found[pair.velocity].extend(units.all.iter().map(velocity_guess));
+        let (column, velocities) = (pair.velocity, columns[pair.velocity].clone());
+        return Motion { column, is_velocity: true, velocities };
+    }
+    let velocities = derivative(&columns[pair.position], time);
+    Motion { column: pair.position, is_velocity: false, velocities }
+}
+
+/// Returns the motions that a column may be alone.
+fn alone(columns: &[Vec<f64>], column: usize) -> [Motion; 2] {
+    let (velocities, slopes) = (columns[column].clone(), derivative(&columns[column], None));
+    [
+        Motion { column, is_velocity: true, velocities },
+        Motion { column, is_velocity: false, velocities: slopes },
+    ]
 }
 
 /// Returns a velocity or a position without the other, in its possible units.
@@ -122,39 +180,42 @@ fn guesses_of_motion(values: &[f64], is_velocity: bool) -> Vec<QuantityGuess> {
     let (velocity, position) =
         if is_velocity { (Some(values), None) } else { (None, Some(values)) };
     let units = size::motion_units(MotionSample { velocity, position, ..MotionSample::default() });
-    let guess = |[v, q]: &MotionUnits| match is_velocity {
-        true => QuantityGuess::new("velocity_rad_s", *v),
-        false => QuantityGuess::new("position_rad", *q),
+    let guess = |of: &MotionUnits| match is_velocity {
+        true => QuantityGuess::new("velocity_rad_s", of.velocity),
+        false => QuantityGuess::new("position_rad", of.position),
     };
     units.all.iter().map(guess).collect()
 }
 
 /// Returns the columns of a position and a velocity that follows its derivative best.
-fn motion(columns: &[Vec<f64>], free: &[usize], time: Option<&[f64]>) -> Option<(usize, usize)> {
-    let pairs = free.iter().flat_map(|q| free.iter().map(|v| (*q, *v))).filter(|(q, v)| q != v);
-    let rated = pairs.map(|(q, v)| (q, v, fit(&derivative(&columns[q], time), &columns[v])));
-    let best = rated.max_by(|a, b| a.2.total_cmp(&b.2)).filter(|pair| pair.2 >= MIN_MOTION_FIT);
-    best.map(|(q, v, _)| (q, v))
+fn motion_pair(columns: &[Vec<f64>], free: &[usize], time: Option<&[f64]>) -> Option<MotionPair> {
+    let pairs = free.iter().flat_map(|position| {
+        free.iter().map(|velocity| MotionPair { position: *position, velocity: *velocity })
+    });
+    let rated = pairs.filter(|pair| pair.position != pair.velocity).map(|pair| {
+        (pair, fit(&derivative(&columns[pair.position], time), &columns[pair.velocity]))
+    });
+    let best = rated.max_by(|a, b| a.1.total_cmp(&b.1));
+    best.filter(|(_, fit)| *fit >= MIN_MOTION_FIT).map(|(pair, _)| pair)
 }
 
-/// Returns the column that follows the sign of a motion best, the place of that motion among `signs`, and its column. The only free
-/// column need not follow it well.
-fn torque(
+/// Returns the column that follows the sign of a motion best, and that motion. The only free column need not follow it well.
+fn torque<'a>(
     columns: &[Vec<f64>],
     free: &[usize],
-    signs: &[(usize, Vec<f64>)],
+    motions: &'a [Motion],
     is_only: bool,
-) -> Option<(usize, usize, usize)> {
-    let pairs = free.iter().flat_map(|torque| signs.iter().enumerate().map(move |s| (*torque, s)));
+) -> Option<(usize, &'a Motion)> {
+    let pairs = free.iter().flat_map(|torque| motions.iter().map(|motion| (*torque, motion)));
     let rated =
-        pairs.filter(|(torque, (_, (of, _)))| torque != of).map(|(torque, (number, sign))| {
-            let signum: Vec<f64> =
-                sign.1.iter().map(|v| if *v == 0.0 { 0.0 } else { v.signum() }).collect();
-            (torque, number, sign.0, fit(&signum, &columns[torque]))
+        pairs.filter(|(torque, motion)| *torque != motion.column).map(|(torque, motion)| {
+            let sign = |v: &f64| if *v == 0.0 { 0.0 } else { v.signum() };
+            let signs: Vec<f64> = motion.velocities.iter().map(sign).collect();
+            (torque, motion, fit(&signs, &columns[torque]))
         });
-    let best =
-        rated.max_by(|a, b| a.3.total_cmp(&b.3)).filter(|of| is_only || of.3 >= MIN_SIGN_FIT);
-    best.map(|(torque, number, of, _)| (torque, number, of))
+    let best = rated.max_by(|a, b| a.2.total_cmp(&b.2));
+    let (torque, motion, _) = best.filter(|of| is_only || of.2 >= MIN_SIGN_FIT)?;
+    Some((torque, motion))
 }
 
 /// Returns the correlation of two columns.
@@ -162,23 +223,23 @@ fn fit(x: &[f64], y: &[f64]) -> f64 {
     correlation(x.iter().copied().zip(y.iter().copied()))
 }
 
-/// Returns the unit of a column of times and its length, s, by the step of the times.
-fn clock_unit(step: f64) -> Option<(Option<&'static str>, f64)> {
-    let unit = CLOCK_UNITS.iter().find(|(.., steps)| steps.contains(&step));
-    unit.map(|(unit, length_s, _)| (*unit, *length_s))
+/// Returns the unit of a column of times by the step of the times.
+fn clock_unit(step: f64) -> Option<&'static ClockUnit> {
+    CLOCK_UNITS.iter().find(|unit| unit.steps.contains(&step))
 }
 
-/// Returns the time of a column that holds steps.
-fn step(values: &[f64]) -> Option<(QuantityGuess, Option<f64>)> {
+/// Returns the clock of a column that holds steps.
+fn step(column: usize, values: &[f64]) -> Option<ClockColumn> {
     if !is_step_column(values) {
         return None;
     }
-    let (unit, _) = clock_unit(median(&mut values.to_vec())?)?;
-    Some((QuantityGuess { is_step: true, ..QuantityGuess::new(TIME, unit) }, None))
+    let ClockUnit { unit, .. } = clock_unit(median(&mut values.to_vec())?)?;
+    let guess = QuantityGuess { is_step: true, ..QuantityGuess::new(TIME, *unit) };
+    Some(ClockColumn { column, guess, length_s: None })
 }
 
-/// Returns the time of a column of times, and the length of its unit, s.
-fn clock(values: &[f64]) -> Option<(QuantityGuess, Option<f64>)> {
+/// Returns the clock of a column of times.
+fn clock(column: usize, values: &[f64]) -> Option<ClockColumn> {
     let mut steps: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if steps.iter().any(|step| *step < 0.0) {
         return None;
@@ -189,8 +250,9 @@ fn clock(values: &[f64]) -> Option<(QuantityGuess, Option<f64>)> {
     if median <= 0.0 || (regular as f64) < MIN_REGULAR_STEPS * steps.len() as f64 {
         return None;
     }
-    let (unit, length_s) = clock_unit(median)?;
-    Some((QuantityGuess::new(TIME, unit), Some(length_s)))
+    let ClockUnit { unit, length_s, .. } = clock_unit(median)?;
+    let guess = QuantityGuess::new(TIME, *unit);
+    Some(ClockColumn { column, guess, length_s: Some(*length_s) })
 }
 
 /// Returns the derivative of a column over two rows, in units per second, or per row without a time.

@@ -1,5 +1,6 @@
 //! A column and the quantity that it may hold: what a survey suggests for `--columns`.
 
+use super::torque_scale;
 use std::fmt;
 
 /// Follows a time column that holds the steps between the rows: `time_s=dt:us:step`.
@@ -30,6 +31,11 @@ impl ColumnPair {
     /// Returns the column as it follows the contract name, with its unit: `speed:rpm`.
     pub(super) fn column_in_unit(&self) -> String {
         self.column.clone() + &self.suffix()
+    }
+
+    /// Returns true if its unit is one of a current.
+    pub(super) fn is_current(&self) -> bool {
+        self.unit.as_deref().is_some_and(|unit| torque_scale::amperes(unit).is_some())
     }
 
     fn suffix(&self) -> String {

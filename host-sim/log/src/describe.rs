@@ -4,6 +4,7 @@ use super::column_names::ColumnNames;
 use super::column_pair::ColumnPair;
 use super::contract::{RUN, TIME};
 use super::error::{DataError, listed};
+use super::guess::{self, Fit};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
 use super::naming::UNKNOWN_UNIT;
@@ -14,7 +15,7 @@ use super::preset::Preset;
 use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey, SurveyedColumn, surveyed_columns};
-use super::{guess, torque_constant, unit};
+use super::{torque_constant, unit};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
 use std::path::Path;
@@ -33,6 +34,17 @@ const REQUIRED: [&str; 3] = ["time_s", "velocity_rad_s", "torque_nm"];
 /// # Errors
 /// If the file cannot be read as a table.
 pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
+    describe(file, options).map(|description| description.survey)
+}
+
+/// A survey, and what the error of a missing column needs of it.
+struct Description {
+    survey: Survey,
+    /// True if the suggestions have units by the sizes of the values.
+    has_units_by_size: bool,
+}
+
+fn describe(file: &Path, options: &ReadOptions) -> Result<Description, DataError> {
     let size = file_size(file)?;
     let request = Request {
         path: file,
@@ -78,7 +90,8 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     notes.extend(doubts);
     suggest_joints(&mut columns);
     suggest_preset(file, options, preset, &mut columns);
-    Ok(Survey { columns, preset, notes })
+    let has_units_by_size = found.iter().flatten().any(|guess| guess.is_by_size);
+    Ok(Description { survey: Survey { columns, preset, notes }, has_units_by_size })
 }
 
 /// Returns the quantity that a column may hold by its name and unit. Adds a doubt if they contradict each other.
@@ -177,6 +190,15 @@ struct Guess {
 }
 
 impl Guess {
+    /// Sets the units that the sizes of the values allow, the most probable first. `is_shown` is true if they allow one alone.
+    fn set_units(&mut self, units: &[Option<&'static str>], is_shown: bool) {
+        let [first, others @ ..] = units else { return };
+        self.unit = first.map(str::to_owned);
+        self.other_units = others.iter().copied().filter(|unit| unit != first).collect();
+        self.is_by_size = first.is_some() || !self.other_units.is_empty();
+        self.is_known |= is_shown;
+    }
+
     /// Returns the pair that reads a column in a unit.
     fn pair(&self, name: &str, unit: Option<&str>) -> ColumnPair {
         ColumnPair { is_step: self.is_step, ..ColumnPair::new(self.quantity, name, unit) }
@@ -223,7 +245,7 @@ fn one_of_each(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<S
         let rank = |at: usize, of: &Guess| {
             let has_unit =
                 of.is_known || of.unit.as_deref().is_some_and(|unit| unit != UNKNOWN_UNIT);
-            (of.quantity == names[at], guess::score(of.quantity, names[at]), has_unit)
+            (of.quantity == names[at], guess::fit(of.quantity, names[at]), has_unit)
         };
         let rank_here = rank(at, guess);
         let is_same = |of: &Guess| {
@@ -247,73 +269,86 @@ fn one_of_each(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<S
     notes
 }
 
-/// Adds the units that the sizes of the values show, where neither the name nor the file states one.
-fn add_units_by_size(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) {
-    let place = |of: &str| {
-        let places = found.iter().enumerate().filter_map(|(at, guess)| Some((at, guess.as_ref()?)));
-        let mut places = places.filter(|(_, guess)| guess.quantity == of).map(|(at, _)| at);
-        // Of several columns, none is the one.
-        places.next().filter(|_| places.next().is_none())
-    };
-    let values = |at: usize| columns[at].values.as_slice();
-    let stated = |at: usize| {
-        let guess = found[at].as_ref();
-        guess.and_then(|guess| guess.unit.as_deref().or(guess.is_known.then_some("")))
-    };
-    let (time, position, velocity) =
-        (place("time_s"), place("position_rad"), place("velocity_rad_s"));
-    let is_date = |at: &usize| columns[*at].summary.is_date;
-    let time = time.filter(|at| found[*at].as_ref().is_some_and(|guess| !guess.is_step));
-    let is_open = |at: &usize| !is_date(at) && stated(*at).is_none();
-    let by_rate = time.filter(is_open).and_then(|at| size::time_unit(values(at)));
-    let seconds = |unit: &str| -> Option<Vec<f64>> {
-        let at = time.filter(|at| !is_date(at))?;
-        let unit = stated(at).filter(|unit| !unit.is_empty()).unwrap_or(unit);
-        let conversion = unit::conversion("time_s", unit).ok();
-        let seconds = |t: &f64| conversion.map_or(*t, |conversion| conversion.apply(*t));
-        Some(values(at).iter().map(seconds).collect())
-    };
-    let unit = |at: Option<usize>, of_contract: &'static str| {
-        at.and_then(stated).map(|unit| if unit.is_empty() { of_contract } else { unit }.to_owned())
-    };
-    let (position_unit, velocity_unit) = (unit(position, "rad"), unit(velocity, "rad/s"));
-    let of_time = |unit: &str| {
-        size::motion_units(MotionSample {
-            time_s: seconds(unit).as_deref(),
-            position: position.map(values),
-            position_unit: position_unit.as_deref(),
-            velocity: velocity.map(values),
-            velocity_unit: velocity_unit.as_deref(),
-        })
-    };
-    // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
-    let (mut time_unit, mut motion) = (by_rate, of_time(by_rate.unwrap_or("s")));
-    if by_rate.is_some() && !motion.is_by_ratio && of_time("s").is_by_ratio {
-        (time_unit, motion) = (None, of_time("s"));
+/// The only column that may hold a quantity.
+struct OnlyColumn<'a> {
+    place: usize,
+    values: &'a [f64],
+    /// The unit that its name or the file states.
+    unit: Option<String>,
+    is_date: bool,
+}
+
+impl<'a> OnlyColumn<'a> {
+    /// Returns the column of a quantity, which has a unit in the contract. Of several columns, none is the one.
+    fn find(
+        columns: &'a [SurveyedColumn],
+        found: &[Option<Guess>],
+        quantity: &str,
+        contract_unit: &str,
+    ) -> Option<Self> {
+        let mut all =
+            columns.iter().zip(found).enumerate().filter_map(|(place, (column, guess))| {
+                let guess = guess.as_ref().filter(|guess| guess.quantity == quantity)?;
+                Some((place, column, guess))
+            });
+        let (place, SurveyedColumn { summary, values }, guess) =
+            all.next().filter(|_| all.next().is_none())?;
+        let of_contract = guess.is_known.then_some(contract_unit);
+        let unit = guess.unit.as_deref().or(of_contract).map(str::to_owned);
+        (!guess.is_step).then_some(Self { place, values, unit, is_date: summary.is_date })
     }
-    let of_times = match by_rate {
-        Some(_) if !motion.is_by_ratio => vec![time_unit, None],
-        _ => vec![time_unit],
-    };
-    let [of_velocity, of_position]: [Vec<Option<&str>>; 2] =
-        [0, 1].map(|at| motion.all.iter().map(|of| of[at]).collect());
-    let open = [time, velocity, position].map(|at| at.filter(is_open));
-    let is_shown = motion.is_unique;
-    let units = [(of_times, true), (of_velocity, is_shown), (of_position, is_shown)];
-    for (at, (units, is_shown)) in open.into_iter().zip(units) {
-        let guess = at.and_then(|at| found[at].as_mut());
-        let Some((guess, [first, others @ ..])) = guess.zip(Some(units.as_slice())) else {
-            continue;
-        };
-        guess.unit = first.map(str::to_owned);
-        guess.other_units = others.iter().copied().filter(|unit| unit != first).collect();
-        guess.is_by_size = first.is_some() || !guess.other_units.is_empty();
-        guess.is_known |= is_shown;
+
+    /// Returns true if nothing states its unit.
+    fn is_open(&self) -> bool {
+        self.unit.is_none() && !self.is_date
+    }
+
+    /// Returns its times in s, of a unit that nothing states in `unit`. `None` for dates.
+    fn seconds(&self, unit: &str) -> Option<Vec<f64>> {
+        let conversion = unit::conversion(TIME, self.unit.as_deref().unwrap_or(unit)).ok();
+        let seconds = |t: &f64| conversion.map_or(*t, |conversion| conversion.apply(*t));
+        (!self.is_date).then(|| self.values.iter().map(seconds).collect())
     }
 }
 
-/// Beginning of the note on units by size.
-const BY_SIZE: &str = "The units of ";
+/// Adds the units that the sizes of the values show, where neither the name nor the file states one.
+fn add_units_by_size(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) {
+    let only = |quantity, unit| OnlyColumn::find(columns, found, quantity, unit);
+    let time = only(TIME, "s");
+    let (position, velocity) = (only("position_rad", "rad"), only("velocity_rad_s", "rad/s"));
+    let motion_in = |unit: &str| {
+        size::motion_units(MotionSample {
+            time_s: time.as_ref().and_then(|time| time.seconds(unit)).as_deref(),
+            position: position.as_ref().map(|of| of.values),
+            position_unit: position.as_ref().and_then(|of| of.unit.as_deref()),
+            velocity: velocity.as_ref().map(|of| of.values),
+            velocity_unit: velocity.as_ref().and_then(|of| of.unit.as_deref()),
+        })
+    };
+    let by_rate = time.as_ref().filter(|time| time.is_open());
+    let by_rate = by_rate.and_then(|time| size::time_unit(time.values));
+    let (mut times, mut motion) = (vec![by_rate], motion_in(by_rate.unwrap_or("s")));
+    // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
+    if by_rate.is_some() && !motion.is_by_ratio {
+        let in_seconds = motion_in("s");
+        if in_seconds.is_by_ratio {
+            (times, motion) = (vec![None], in_seconds);
+        } else {
+            times.push(None);
+        }
+    }
+    let velocities: Vec<_> = motion.all.iter().map(|of| of.velocity).collect();
+    let positions: Vec<_> = motion.all.iter().map(|of| of.position).collect();
+    let mut set = |column: Option<OnlyColumn>, units: &[Option<&'static str>], is_shown: bool| {
+        let place = column.filter(OnlyColumn::is_open).map(|column| column.place);
+        if let Some(guess) = place.and_then(|place| found[place].as_mut()) {
+            guess.set_units(units, is_shown);
+        }
+    };
+    set(time, &times, true);
+    set(velocity, &velocities, motion.is_unique);
+    set(position, &positions, motion.is_unique);
+}
 
 /// Returns what else to type or to check.
 fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
@@ -334,7 +369,7 @@ fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
     let open: Vec<&str> = open.map(|(column, _)| column.name.as_str()).collect();
     let current = guesses.clone().find(|(column, _)| guess::is_current(&column.name));
     let by_size = (!by_size.is_empty()).then(|| {
-        format!("{BY_SIZE}{} are by the sizes of their values: check them.", listed(&by_size))
+        format!("The units of {} are by the sizes of their values: check them.", listed(&by_size))
     });
     let open = (!open.is_empty()).then(|| {
         format!(
@@ -382,14 +417,15 @@ fn suggest_preset(
 
 /// Replaces the list of all columns in an error by the likely ones, if there are many.
 pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> DataError {
-    let DataError::MissingColumns { file, mut found, mut expected, missing, count } = error else {
+    let DataError::MissingColumns { file, mut found, mut expected, pairs, missing, count } = error
+    else {
         return error;
     };
     if missing.is_empty() {
         let columns = survey(&file, options).map(|found| found.columns).unwrap_or_default();
         let sets = pair_sets(&columns);
         return match sets.iter().all(String::is_empty) {
-            true => DataError::MissingColumns { file, found, expected, missing, count },
+            true => DataError::MissingColumns { file, found, expected, pairs, missing, count },
             false => no_header(&file, &sets, count),
         };
     }
@@ -410,16 +446,15 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
         };
         expected += &format!("; {} lists all", Setting::Columns.given("help"));
     }
-    DataError::MissingColumns { file, found, expected, missing, count }
+    DataError::MissingColumns { file, found, expected, pairs, missing, count }
 }
 
 /// Returns the pairs whose units are by the sizes of the values, as the end of what an error expects; else an empty text.
 fn pairs_by_size(file: &Path, options: &ReadOptions) -> String {
-    let Ok(Survey { columns, notes, .. }) = survey(file, options) else { return String::new() };
-    if !notes.iter().any(|note| note.starts_with(BY_SIZE)) {
+    let Ok(Description { survey, has_units_by_size: true }) = describe(file, options) else {
         return String::new();
-    }
-    let sets = pair_sets(&columns);
+    };
+    let sets = pair_sets(&survey.columns);
     // A name that cannot be typed does not help.
     if sets.iter().any(|pairs| pairs.contains(char::is_control)) {
         return String::new();
@@ -446,11 +481,12 @@ fn pair_sets(columns: &[ColumnSummary]) -> Vec<String> {
 
 /// Returns the names of the numeric columns that probably hold a quantity, the most probable first.
 fn likely<'a>(contract_name: &str, columns: &'a [ColumnSummary]) -> Vec<&'a str> {
-    let scored = columns.iter().filter(|column| column.is_numeric());
-    let scored = scored.map(|column| (guess::score(contract_name, &column.name), &*column.name));
-    let mut scored: Vec<(u32, &str)> = scored.filter(|(score, _)| *score > 0).collect();
-    scored.sort_by_key(|(score, _)| std::cmp::Reverse(*score));
-    scored.into_iter().take(LIKELY_COLUMNS).map(|(_, name)| name).collect()
+    let columns = columns.iter().filter(|column| column.is_numeric());
+    let fit =
+        |column: &'a ColumnSummary| Some((guess::fit(contract_name, &column.name)?, &*column.name));
+    let mut fitting: Vec<(Fit, &str)> = columns.filter_map(fit).collect();
+    fitting.sort_by_key(|(fit, _)| std::cmp::Reverse(*fit));
+    fitting.into_iter().take(LIKELY_COLUMNS).map(|(_, name)| name).collect()
 }
 
 #[cfg(test)]

@@ -95,6 +95,8 @@ pub enum DataError {
         found: String,
         /// What was expected.
         expected: String,
+        /// The suggested pairs for them, a part of what was expected.
+        pairs: Box<str>,
         /// The contract names of the missing columns.
         missing: Vec<String>,
         /// Number of columns of the file.

@@ -26,7 +26,7 @@ use super::joints::{JOINT, OneJoint, one_joint};
 use super::name_words::{DATE_NAMES, JOINT_NAMES};
 use super::naming::Naming;
 use super::options::ReadOptions;
-use super::other_unit::other_unit;
+use super::other_unit::{Refusal, other_unit};
 use super::preset::{Preset, PresetColumns};
 use super::row_clock::Timing;
 use super::unit::{UnitError, conversion};
@@ -180,9 +180,9 @@ impl Layout {
 
 /// Returns the error of a column whose unit in the file is none of its quantity.
 fn wrong_unit(file: &Path, column: &str, name: &str, unit: &str, expected: UnitError) -> DataError {
-    let (found, expected) = match other_unit(&format!("{column} [{unit}]")) {
+    let Refusal { found, expected } = match other_unit(&format!("{column} [{unit}]")) {
         Some(other) => other.refusal(name, column),
-        None => (format!("the unit {unit}"), expected.to_string()),
+        None => Refusal { found: format!("the unit {unit}"), expected: expected.to_string() },
     };
     DataError::request(format!("{}: column {column}", file.display()), found, expected)
 }
@@ -244,6 +244,7 @@ pub(super) fn no_header(file: &Path, sets: &[impl fmt::Display], count: usize) -
             "the columns' names (time_s, velocity_rad_s, torque_nm ..), or {pairs} with the number of each column; {help} \
              shows them"
         ),
+        pairs: format!("{pairs} with the number of each column").into(),
         missing: Vec::new(),
         count,
     }

@@ -177,7 +177,7 @@ pub(super) fn join_tables(
     let rows = if is_counted || !channels.iter().all(is_timed) {
         counted_rows(&channels)?
     } else {
-        matched_rows(&channels)?
+        matched_rows(&channels, options.max_bad_share)?
     };
     let mut columns = Vec::new();
     for (at, channel) in channels.iter_mut().enumerate() {
@@ -296,8 +296,21 @@ fn counted_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
     Ok(MatchedRows { rows, in_words })
 }
 
-/// Joins files by their times.
-fn matched_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
+/// Joins files by their times. Rows without a time, at most `max_bad_share` of a file, are left out.
+fn matched_rows(channels: &[Channel], max_bad_share: f64) -> Result<MatchedRows, DataError> {
+    let mut untimed = 0;
+    for channel in channels {
+        let count = channel.times.iter().filter(|time| time.is_nan()).count();
+        if count as f64 > max_bad_share * channel.rows as f64 {
+            let found = format!("no time in {count} of {} rows", channel.rows);
+            return Err(DataError::file(&channel.file, found, "numbers or dates"));
+        }
+        untimed += count;
+    }
+    let left_out = match untimed {
+        0 => String::new(),
+        _ => format!(", {untimed} rows without a time are left out"),
+    };
     let orders: Vec<Vec<usize>> = channels
         .iter()
         .map(|channel| {
@@ -340,18 +353,14 @@ fn matched_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
         let outside = sorted.iter().map(|times| times.iter().filter(is_outside).count()).max();
         let others = rows.len() - common + outside.unwrap_or_default();
         rows.retain(|row| row.iter().all(Option::is_some));
-        let note = if others > 0 {
-            format!(", {others} times without a row in each are left out")
-        } else {
-            String::new()
-        };
-        return Ok(MatchedRows {
-            rows,
-            in_words: format!("their equal times: {common} rows{note}"),
-        });
+        let mut in_words = format!("their equal times: {common} rows");
+        if others > 0 {
+            in_words += &format!(", {others} times without a row in each are left out");
+        }
+        return Ok(MatchedRows { rows, in_words: in_words + &left_out });
     }
     let in_words = format!(
-        "their times, which differ: {} rows, {common} of them with a value in each",
+        "their times, which differ: {} rows, {common} of them with a value in each{left_out}",
         rows.len()
     );
     Ok(MatchedRows { rows, in_words })

@@ -5,14 +5,12 @@
 //! under plain names, as their motion may move this joint. Their other columns are left out.
 
 use super::column_pair::ColumnPair;
-use super::{guess, unit};
+use super::guess::{self, Fit};
+use super::unit;
 use compensator_core::quantity::Quantity;
 
 /// Stands for the joint in the name of a column.
 pub(super) const PLACE: char = '#';
-
-/// Least score of a guess that is suggested: a word of the name is a word of the quantity.
-const MIN_SCORE: u32 = 4;
 
 /// A pair of `--columns` with the names that its column has for the joints.
 struct Pattern<'a> {
@@ -139,12 +137,11 @@ pub(super) struct SuggestedMap {
 }
 
 impl SuggestedMap {
-    /// Returns the pattern of a contract name, with the unit at the end of its names.
-    pub fn pattern(&self, contract_name: &str) -> Option<String> {
+    /// Returns the pair of a contract name for all joints, in the unit at the end of its names.
+    pub fn pair(&self, contract_name: &'static str) -> Option<ColumnPair> {
         let is_same = |ours: &str| guess::is_same_quantity(ours, contract_name);
         let (_, pattern) = self.pairs.iter().find(|(ours, _)| is_same(ours))?;
-        let unit = unit::in_name(contract_name, pattern);
-        Some(unit.map_or_else(|| pattern.clone(), |unit| format!("{pattern}:{unit}")))
+        Some(ColumnPair::new(contract_name, pattern, unit::in_name(contract_name, pattern)))
     }
 
     /// Returns the pair that maps a column of the table, for all joints.
@@ -171,9 +168,9 @@ pub(super) fn suggested_map(names: &[&str]) -> Option<SuggestedMap> {
             let found = joints_of(pattern);
             joints.map_or(found.len() > 1, |joints| joints.iter().all(|one| found.contains(one)))
         };
-        let scored = patterns.iter().filter(|pattern| guess::score(of, pattern) >= MIN_SCORE);
+        let scored = patterns.iter().filter(|pattern| guess::fit(of, pattern) >= Some(Fit::Word));
         let scored = scored.filter(|pattern| guess::quantity(pattern) == Some(of)).filter(fits);
-        scored.max_by_key(|pattern| guess::score(of, pattern)).cloned()
+        scored.max_by_key(|pattern| guess::fit(of, pattern)).cloned()
     };
     let torque = best("torque_nm", None)?;
     let mut joints = joints_of(&torque);

@@ -5,23 +5,24 @@
 //! and can swap two columns. The file name may be followed by a unit (`dq_3:deg/s`) and by the element of a list
 //! (`velocity[2]`). A column whose own name holds a colon or brackets takes precedence.
 
-use std::path::Path;
+mod missing;
 
 use super::cell::CellReader;
 use super::clock::is_date;
-use super::column_pair::STEP_MARK;
-use super::contract::{self, POSITIONS, TARGETS, TIME, VELOCITIES};
+use super::column_pair::{ColumnPair, STEP_MARK};
+use super::contract::{self, POSITIONS, TARGETS, TIME};
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header, listed};
 use super::guess;
-use super::joint_pattern::suggested_map;
 use super::options::ReadOptions;
-use super::other_unit::{OtherUnit, other_unit};
-use super::servo_torque::{self, ServoTorque};
+use super::other_unit::{OtherUnit, Refusal, other_unit};
+use super::servo_torque::ServoTorque;
+use super::torque_scale;
 use super::unit::{self, Conversion, conversion};
-use super::{torque_constant, torque_scale};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
+pub(super) use missing::MissingColumn;
+use std::path::Path;
 
 /// The names of a file's columns: those in the file and those given with `--columns`.
 pub(super) struct Naming<'a> {
@@ -114,25 +115,24 @@ impl<'a> Naming<'a> {
             let expected = "a log without a torque, which needs no control law";
             return Err(refuse(format!("the column {name}"), expected.into()));
         }
-        let Some(ForeignColumn { index, element, unit }) = find_foreign(self.names, &servo.target)
-        else {
+        let Some(ForeignColumn { reading, unit }) = find_foreign(self.names, &servo.target) else {
             let column = without_unit(&servo.target);
             let expected = format!("one of {}", listed(self.names));
             return Err(refuse(format!("no column {column}"), expected));
         };
         let position = POSITIONS[kind].0;
-        let is_position = self.find(position).is_some_and(|found| found.index == index);
+        let is_position = self.find(position).is_some_and(|found| found.index == reading.index);
         if is_position {
             let expected = "the commanded position, not the measured one";
             return Err(refuse(format!("the column of {position}"), expected.into()));
         }
-        let pair =
-            Pair { name: position, foreign: &servo.target, unit, header: &self.names[index] };
+        let header = &self.names[reading.index];
+        let pair = Pair { name: position, foreign: &servo.target, unit, header };
         let conversion = pair.conversion(options).map_err(|wrong| {
-            let (WrongUnit::Unknown(found, expected) | WrongUnit::OfFile(found, expected)) = wrong;
+            let Refusal { found, expected } = wrong.refusal;
             refuse(found, expected.replace(&format!("{position}="), "target="))
         })?;
-        let reading = CellReader { index, element, conversion };
+        let reading = CellReader { conversion, ..reading };
         Ok(Mapped { name: TARGETS[kind].0, reading, unit, is_current: false, is_step: false })
     }
 
@@ -147,16 +147,16 @@ impl<'a> Naming<'a> {
         }
         let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
         let pair = match self.mapped.iter().find(|mapped| mapped.name == name) {
-            Some(mapped) => format!("{name}={}:A", self.names[mapped.reading.index]),
+            Some(mapped) => ColumnPair::new(name, &self.names[mapped.reading.index], Some("A")),
             None => guess::column(name, &free)
-                .filter(|pair| pair.ends_with('A'))
-                .unwrap_or_else(|| format!("{name}=NAME:A")),
+                .filter(ColumnPair::is_current)
+                .unwrap_or_else(|| ColumnPair::new(name, "NAME", Some("A"))),
         };
         let what = Setting::TorqueConstant.given(format!("{}{unit}/A", constant.value));
         Err(DataError::request(
             format!("{}: {what}", file.display()),
             format!("no {name} in amperes"),
-            Setting::Columns.suggested(pair),
+            Setting::Columns.suggested(pair.to_string()),
         ))
     }
 
@@ -204,84 +204,6 @@ impl<'a> Naming<'a> {
             }
         }
         replaced
-    }
-
-    /// Returns the error for missing columns. `wanted` holds for each: is it missing, its name in the message, and
-    /// its contract name. If a column of the file probably matches, the message suggests the pair.
-    pub fn missing(&self, file: &Path, wanted: &[(bool, &str, &str)]) -> DataError {
-        let missing = || wanted.iter().filter(|(is_missing, ..)| *is_missing);
-        let names: Vec<&str> = missing().map(|(_, name, _)| *name).collect();
-        let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
-        let joints = suggested_map(&free).unwrap_or_default();
-        let pair = |contract_name: &str| {
-            let of_all = joints.pattern(contract_name).map(|of| format!("{contract_name}={of}"));
-            // The position is a motion, too.
-            let position = || {
-                let is_velocity = VELOCITIES.iter().any(|(name, _)| *name == contract_name);
-                is_velocity.then(|| guess::column(POSITIONS[0].0, &free)).flatten()
-            };
-            let of_one = of_all.or_else(|| guess::column(contract_name, &free)).or_else(position);
-            of_one.unwrap_or_else(|| format!("{contract_name}=NAME"))
-        };
-        let mut pairs: Vec<String> = missing().map(|(.., of)| pair(of)).collect();
-        // Checks and causes need the position, also beside a velocity.
-        let is_there =
-            POSITIONS.iter().any(|(name, _)| free.contains(name) || self.is_mapped(name));
-        let position = joints
-            .pattern("position_rad")
-            .map(|theirs| format!("position_rad={theirs}"))
-            .or_else(|| guess::column(POSITIONS[0].0, &free).filter(|_| !is_there));
-        let is_read = |pair: &String| {
-            pair.split_once('=').is_some_and(|(_, theirs)| {
-                pairs.iter().any(|other| other.ends_with(&format!("={theirs}")))
-            })
-        };
-        pairs.extend(position.filter(|pair| !is_read(pair)));
-        // The current of a linear motor makes a force.
-        if pairs.iter().any(|pair| LINEAR.iter().any(|linear| pair.starts_with(linear))) {
-            let torque =
-                pairs.iter_mut().filter(|pair| pair.ends_with(":A") || pair.ends_with(":mA"));
-            torque.for_each(|pair| *pair = pair.replacen("torque_nm=", "force_n=", 1));
-        }
-        let names = names.join(" and ");
-        let hint = torque_hint(&pairs, &free);
-        let pairs = Setting::Columns.suggested(pairs.join(",")) + &hint;
-        DataError::MissingColumns {
-            file: file.into(),
-            found: format!("only the columns {}", listed(self.names)),
-            expected: match joints.joints.len() {
-                0 => format!("{names} in the header, or {pairs}"),
-                count => format!(
-                    "{names} in the header, or, for {count} joints ({}), {pairs}",
-                    listed(&joints.joints)
-                ),
-            },
-            missing: missing().map(|(.., of)| (*of).to_owned()).collect(),
-            count: self.names.len(),
-        }
-    }
-}
-
-/// How the pairs of a linear motion begin.
-const LINEAR: [&str; 2] = ["velocity_m_s=", "position_m="];
-
-/// Returns what gives the torque, as the end of what an error expects: of a current the torque constant, and beside a target
-/// the gains of the servo.
-fn torque_hint(pairs: &[String], free: &[&str]) -> String {
-    let is_target = |pair: &&String| TARGETS.iter().any(|(name, _)| pair.starts_with(name));
-    let Some(torque) = pairs.iter().find(is_target) else { return String::new() };
-    if torque.ends_with(":A") || torque.ends_with(":mA") {
-        let example =
-            if torque.starts_with("force_n") { "40N/A" } else { torque_constant::EXAMPLE };
-        let constant = Setting::TorqueConstant.suggested(example);
-        return format!(" with the motor's torque constant, {constant}");
-    }
-    match free.iter().find(|name| guess::is_position_target(name)) {
-        Some(target) if torque.ends_with("=NAME") => {
-            let law = Setting::TorqueFrom.suggested(servo_torque::example(target));
-            format!("; without a torque, the gains of the servo give it: {law}")
-        }
-        _ => String::new(),
     }
 }
 
@@ -339,13 +261,14 @@ fn mapped_columns<'a>(
             Some((head, STEP_MARK)) if name == TIME && !names.contains(foreign) => (head, true),
             _ => (foreign.as_str(), false),
         };
-        let Some(ForeignColumn { index, element, unit }) = find_foreign(names, column) else {
+        let Some(ForeignColumn { reading, unit }) = find_foreign(names, column) else {
             let column = without_unit(column);
             let expected = format!("one of {}", listed(names));
             return in_file(format!("no column {column}"), expected);
         };
-        let header = &names[index];
-        let is_same = |of: &&Mapped| (of.reading.index, of.reading.element) == (index, element);
+        let is_same = |of: &&Mapped| {
+            (of.reading.index, of.reading.element) == (reading.index, reading.element)
+        };
         if let Some(earlier) = mapped.iter().find(is_same)
             && unit::has_unit(name)
             && unit::has_unit(earlier.name)
@@ -353,22 +276,19 @@ fn mapped_columns<'a>(
             let found = format!("the column of {}", earlier.name);
             return in_file(found, "a column for each quantity".into());
         }
-        let pair = Pair { name, foreign: column, unit, header };
-        let conversion = pair.conversion(options).map_err(|wrong| match wrong {
-            WrongUnit::OfFile(found, expected) => {
-                let what = format!("{}: {}", file.display(), what());
-                DataError::request(what, found, expected)
+        let pair = Pair { name, foreign: column, unit, header: &names[reading.index] };
+        let conversion = match pair.conversion(options) {
+            Ok(conversion) => conversion,
+            Err(WrongUnit { refusal: Refusal { found, expected }, is_of_file: true }) => {
+                return in_file(found, expected);
             }
-            WrongUnit::Unknown(found, expected) => DataError::request(what(), found, expected),
-        })?;
+            Err(WrongUnit { refusal: Refusal { found, expected }, .. }) => {
+                return refuse(found, expected);
+            }
+        };
         let is_current = pair.symbol().is_some_and(|unit| torque_scale::amperes(unit).is_some());
-        mapped.push(Mapped {
-            name,
-            reading: CellReader { index, element, conversion },
-            unit,
-            is_current,
-            is_step,
-        });
+        let reading = CellReader { conversion, ..reading };
+        mapped.push(Mapped { name, reading, unit, is_current, is_step });
     }
     Ok(mapped)
 }
@@ -385,12 +305,11 @@ struct Pair<'a> {
     header: &'a str,
 }
 
-/// Why a unit of `--columns` is refused: what was found, and what is expected.
-enum WrongUnit {
-    /// The unit suits no column of this quantity.
-    Unknown(String, String),
-    /// The column's name states another unit.
-    OfFile(String, String),
+/// Why a unit of `--columns` is refused.
+struct WrongUnit {
+    refusal: Refusal,
+    /// True if the column's name states another unit; false if the unit suits no column of this quantity.
+    is_of_file: bool,
 }
 
 impl Pair<'_> {
@@ -410,39 +329,38 @@ impl Pair<'_> {
     /// Returns the conversion to the contract's unit; `None` if the column is in it.
     fn conversion(&self, options: &ReadOptions) -> Result<Option<Conversion>, WrongUnit> {
         let Self { name, header, .. } = *self;
-        let scaled = self.symbol().and_then(|unit| torque_scale::scaled_unit(name, unit, options));
-        if let Some(Ok(conversion)) = scaled.map(|unit| conversion(name, &unit)) {
-            return Ok(Some(conversion));
+        let scaled = self.symbol().and_then(|unit| torque_scale::scaled(name, unit, options));
+        if scaled.is_some() {
+            return Ok(scaled);
         }
-        let refusal = |other: OtherUnit| {
-            let (found, expected) = other.refusal(name, self.column());
-            WrongUnit::OfFile(found, expected)
+        let wrong_unit = |other: OtherUnit| {
+            let refusal = other.refusal(name, self.column());
+            WrongUnit { refusal, is_of_file: true }
         };
         match self.unit {
-            Some(unit) => match conversion(name, unit) {
-                Ok(conversion) => Ok(Some(conversion)),
-                Err(expected) => Err(match other_unit(header).filter(|_| unit == UNKNOWN_UNIT) {
-                    Some(other) => refusal(other),
-                    None => WrongUnit::Unknown(
-                        format!("the unit {unit}"),
-                        torque_scale::expected(name, self.column(), unit)
-                            .or_else(|| torque_scale::expected_lever(name, self.column(), unit))
-                            .unwrap_or_else(|| expected.to_string()),
-                    ),
-                }),
-            },
+            Some(unit) => conversion(name, unit).map(Some).map_err(|expected| {
+                if let Some(other) = other_unit(header).filter(|_| unit == UNKNOWN_UNIT) {
+                    return wrong_unit(other);
+                }
+                let expected = torque_scale::expected(name, self.column(), unit)
+                    .or_else(|| torque_scale::expected_lever(name, self.column(), unit))
+                    .unwrap_or_else(|| expected.to_string());
+                let refusal = Refusal { found: format!("the unit {unit}"), expected };
+                WrongUnit { refusal, is_of_file: false }
+            }),
             // ROS always stamps its plain-text logs in nanoseconds.
             None if header == "%time" => Ok(conversion(name, "ns").ok()),
             None if header == name || !unit::has_unit(name) => Ok(None),
             None => {
                 if let Some(unit) = unit::in_name(name, header) {
                     let pair = shell_word(&format!("{name}={}:{unit}", self.foreign));
-                    return Err(WrongUnit::OfFile(
-                        format!("a name that ends in {unit}, without a unit"),
-                        format!("{pair}, or the unit of the column"),
-                    ));
+                    let refusal = Refusal {
+                        found: format!("a name that ends in {unit}, without a unit"),
+                        expected: format!("{pair}, or the unit of the column"),
+                    };
+                    return Err(WrongUnit { refusal, is_of_file: true });
                 }
-                other_unit(header).map_or(Ok(None), |other| Err(refusal(other)))
+                other_unit(header).map_or(Ok(None), |other| Err(wrong_unit(other)))
             }
         }
     }
@@ -450,8 +368,8 @@ impl Pair<'_> {
 
 /// A file name of `--columns` with its parts resolved.
 struct ForeignColumn<'a> {
-    index: usize,
-    element: Option<usize>,
+    /// The column and the element of its lists, without a conversion.
+    reading: CellReader,
     unit: Option<&'a str>,
 }
 
@@ -467,16 +385,16 @@ fn find_foreign<'a>(names: &[String], foreign: &'a str) -> Option<ForeignColumn<
     let either = |text: &str| {
         let element = || {
             let (head, number) = text.strip_suffix(']')?.rsplit_once('[')?;
-            Some((find(head)?, Some(number.trim().parse().ok()?)))
+            let element = Some(number.trim().parse().ok()?);
+            Some(CellReader { element, ..CellReader::plain(find(head)?) })
         };
-        find(text).map(|index| (index, None)).or_else(element)
+        find(text).map(CellReader::plain).or_else(element)
     };
-    if let Some((index, element)) = either(foreign) {
-        return Some(ForeignColumn { index, element, unit: None });
+    if let Some(reading) = either(foreign) {
+        return Some(ForeignColumn { reading, unit: None });
     }
     let (head, unit) = foreign.rsplit_once(':')?;
-    let (index, element) = either(head.trim_end())?;
-    Some(ForeignColumn { index, element, unit: Some(unit.trim()) })
+    Some(ForeignColumn { reading: either(head.trim_end())?, unit: Some(unit.trim()) })
 }
 
 /// Returns a name that no column has, without its probable unit.

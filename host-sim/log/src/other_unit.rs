@@ -9,6 +9,15 @@ use super::unit;
 use crate::setting::Setting;
 use compensator_core::quantity::Quantity;
 
+/// Why a mapping is refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Refusal {
+    /// What was found.
+    pub found: String,
+    /// What is expected.
+    pub expected: String,
+}
+
 /// A unit that needs a number that the log does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum OtherUnit {
@@ -107,9 +116,8 @@ impl OtherUnit {
         self.symbol().unwrap_or("UNIT")
     }
 
-    /// Returns what was found and what is expected for a mapping without a unit.
-    pub fn refusal(self, contract_name: &str, column: &str) -> (String, String) {
-        let found = |what: &str| format!("a name in {what}, without a unit");
+    /// Returns the refusal of a mapping without a unit.
+    pub fn refusal(self, contract_name: &str, column: &str) -> Refusal {
         let pair =
             |unit: &str| Setting::Columns.suggested(format!("{contract_name}={column}:{unit}"));
         let rated = Setting::RatedTorque.suggested("1.2Nm");
@@ -121,28 +129,26 @@ impl OtherUnit {
         } else {
             ("0.4Nm", "0.01Nm")
         };
-        match self {
+        let (what, expected) = match self {
             Self::Percent => {
-                (found("percent"), format!("{} with {rated}, the torque of 100 %", pair("%")))
+                ("percent", format!("{} with {rated}, the torque of 100 %", pair("%")))
             }
             Self::PerMille => {
-                (found("per mille"), format!("{} with {rated}, the torque of 100 %", pair("0.1%")))
+                ("per mille", format!("{} with {rated}, the torque of 100 %", pair("0.1%")))
             }
             Self::Ampere | Self::Milliampere if is(Quantity::Torque) => {
-                let unit = self.suggestion();
-                (found("amperes"), expected_constant(contract_name, column, unit))
+                ("amperes", expected_constant(contract_name, column, self.suggestion()))
             }
             Self::Ampere | Self::Milliampere => {
-                (found("amperes"), format!("the value of 1 A, such as {}", pair(of_volt)))
+                ("amperes", format!("the value of 1 A, such as {}", pair(of_volt)))
             }
-            Self::Volt => (found("volts"), format!("the value of 1 V, such as {}", pair(of_volt))),
+            Self::Volt => ("volts", format!("the value of 1 V, such as {}", pair(of_volt))),
             Self::Count if of_count.starts_with('4') => {
-                (found("counts"), format!("the counts of a turn, such as {}", pair(of_count)))
+                ("counts", format!("the counts of a turn, such as {}", pair(of_count)))
             }
-            Self::Count => {
-                (found("counts"), format!("the value of a count, such as {}", pair(of_count)))
-            }
-        }
+            Self::Count => ("counts", format!("the value of a count, such as {}", pair(of_count))),
+        };
+        Refusal { found: format!("a name in {what}, without a unit"), expected }
     }
 }
 
@@ -175,11 +181,11 @@ mod tests {
 
     #[test]
     fn refusal_names_what_to_type() {
-        let (found, expected) = OtherUnit::PerMille.refusal("torque_nm", "T");
+        let Refusal { found, expected } = OtherUnit::PerMille.refusal("torque_nm", "T");
         let text = format!("found {found}, expected {}", plain(&expected));
         let parts = ["columns torque_nm=T:0.1%", "rated torque 1.2Nm", "100 %"];
         message::check("units", "name in per mille", &text, &parts);
-        let (found, expected) = OtherUnit::Count.refusal("velocity_rad_s", "v");
+        let Refusal { found, expected } = OtherUnit::Count.refusal("velocity_rad_s", "v");
         let text = format!("found {found}, expected {}", plain(&expected));
         message::check(
             "units",

@@ -138,10 +138,7 @@ fn with_join(error: DataError, files: &[PathBuf], options: &ReadOptions) -> Data
     let option = Setting::Join.alone();
     let pairs = match read(files, &ReadOptions { join: true, ..options.clone() }, &|_, _| {}) {
         Ok(_) => String::new(),
-        Err(DataError::MissingColumns { expected, .. }) => {
-            let pairs = expected.rsplit_once(", or ").map_or(expected.as_str(), |(_, pairs)| pairs);
-            format!(" with {pairs}")
-        }
+        Err(DataError::MissingColumns { pairs, .. }) => format!(" with {pairs}"),
         Err(_) => return error,
     };
     DataError::file(

@@ -54,8 +54,12 @@ pub(super) struct MotionSample<'a> {
     pub velocity_unit: Option<&'a str>,
 }
 
-/// Units of velocity and position; `None` for one that is given or the contract's.
-pub(super) type MotionUnits = [Option<&'static str>; 2];
+/// Units of a motion; `None` for one that is given or the contract's.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct MotionUnits {
+    pub velocity: Option<&'static str>,
+    pub position: Option<&'static str>,
+}
 
 /// Units that a motion may have, by the sizes of its values.
 #[derive(Debug, Default, PartialEq)]
@@ -73,18 +77,21 @@ pub(super) fn motion_units(of: MotionSample) -> PossibleUnits {
     let new = |unit: &'static str, given: Option<&str>, of_contract: &str| {
         (given.is_none() && unit != of_contract).then_some(unit)
     };
-    let known = |v, q| [new(v, of.velocity_unit, "rad/s"), new(q, of.position_unit, "rad")];
+    let known = |fitting: FittingUnits| MotionUnits {
+        velocity: new(fitting.velocity, of.velocity_unit, "rad/s"),
+        position: new(fitting.position, of.position_unit, "rad"),
+    };
     let fitting = ratio(of).map_or_else(Vec::new, |ratio| fitting(of, ratio));
     let turns = of.position.map_or(Turns::Few, turns);
     if let [first, others @ ..] = fitting.as_slice() {
         // One ratio for rad/s and rad, for deg/s and deg, and for turns: the range of the angle decides, if it can.
-        let of_degrees = || others.iter().copied().find(|(_, q)| *q == "deg");
+        let of_degrees = || others.iter().copied().find(|of| of.position == "deg");
         let all = match (others.is_empty(), turns, of_degrees()) {
             (true, ..) | (_, Turns::Few, _) | (_, _, None) => vec![*first],
             (_, Turns::OfDegrees, Some(degrees)) => vec![degrees, *first],
             (_, Turns::Many, Some(degrees)) => vec![*first, degrees],
         };
-        let all = all.into_iter().map(|(v, q)| known(v, q)).collect();
+        let all = all.into_iter().map(known).collect();
         return PossibleUnits { all, is_by_ratio: true, is_unique: others.is_empty() };
     }
     let is_fast = |speeds: &[f64]| speeds.iter().any(|speed| speed.abs() > MAX_SPEED_RAD_S);
@@ -99,25 +106,42 @@ pub(super) fn motion_units(of: MotionSample) -> PossibleUnits {
     };
     let at = |all: &[Option<&'static str>], place: usize| all[place.min(all.len() - 1)];
     let count = velocities.len().max(positions.len());
-    let all = (0..count).map(|place| [at(velocities, place), at(positions, place)]).collect();
+    let units =
+        |place| MotionUnits { velocity: at(velocities, place), position: at(positions, place) };
+    let all = (0..count).map(units).collect();
     PossibleUnits { all, is_by_ratio: false, is_unique: false }
 }
 
-/// Returns the pairs of units whose sizes have the ratio of the velocity and the derivative.
-fn fitting(of: MotionSample, ratio: f64) -> Vec<(&'static str, &'static str)> {
-    let velocities = candidates("velocity_rad_s", &VELOCITY_UNITS, of.velocity_unit);
-    let positions = candidates("position_rad", &POSITION_UNITS, of.position_unit);
-    let pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
-    let fits =
-        |(v, q): &(&(&str, f64), &(&str, f64))| (ratio / (v.1 / q.1) - 1.0).abs() < MAX_RATIO_ERROR;
-    pairs.filter(fits).map(|(v, q)| (v.0, q.0)).collect()
+/// Units of a velocity and a position that fit the ratio of their values.
+#[derive(Clone, Copy)]
+struct FittingUnits {
+    velocity: &'static str,
+    position: &'static str,
 }
 
-/// Returns units with the number in the column for one unit of the contract: all, or the known one.
-fn candidates(name: &str, units: &[&'static str], known: Option<&str>) -> Vec<(&'static str, f64)> {
-    let all = units.iter().filter_map(|unit| Some((*unit, size(name, unit)?)));
-    let is_known = |of: &f64| known.is_none_or(|known| size(name, known) == Some(*of));
-    all.filter(|(_, size)| is_known(size)).collect()
+/// Returns the units whose sizes have the ratio of the velocity and the derivative.
+fn fitting(of: MotionSample, ratio: f64) -> Vec<FittingUnits> {
+    let mut fitting = Vec::new();
+    for velocity in candidates("velocity_rad_s", &VELOCITY_UNITS, of.velocity_unit) {
+        for position in candidates("position_rad", &POSITION_UNITS, of.position_unit) {
+            if (ratio / (velocity.size / position.size) - 1.0).abs() < MAX_RATIO_ERROR {
+                fitting.push(FittingUnits { velocity: velocity.unit, position: position.unit });
+            }
+        }
+    }
+    fitting
+}
+
+/// A unit with the number in the column for one unit of the contract.
+struct Candidate {
+    unit: &'static str,
+    size: f64,
+}
+
+/// Returns all units, or the known one.
+fn candidates(name: &str, units: &[&'static str], known: Option<&str>) -> Vec<Candidate> {
+    let all = units.iter().filter_map(|unit| Some(Candidate { unit, size: size(name, unit)? }));
+    all.filter(|of| known.is_none_or(|known| size(name, known) == Some(of.size))).collect()
 }
 
 /// What the range of an angle without a unit shows.
@@ -174,15 +198,18 @@ mod tests {
         [time, position, velocity]
     }
 
-    fn units(position_size: f64, velocity_size: f64) -> Vec<MotionUnits> {
+    fn units(position_size: f64, velocity_size: f64) -> Vec<[Option<&'static str>; 2]> {
         let [time, position, velocity] = motion(position_size, velocity_size);
-        motion_units(MotionSample {
+        pairs(motion_units(MotionSample {
             time_s: Some(&time),
             position: Some(&position),
             velocity: Some(&velocity),
             ..MotionSample::default()
-        })
-        .all
+        }))
+    }
+
+    fn pairs(found: PossibleUnits) -> Vec<[Option<&'static str>; 2]> {
+        found.all.iter().map(|of| [of.velocity, of.position]).collect()
     }
 
     #[test]
@@ -208,17 +235,20 @@ mod tests {
             velocity: Some(&velocity),
             velocity_unit: None,
         });
-        assert_eq!(found.all, [[Some("rpm"), None]]);
         assert!(found.is_by_ratio && found.is_unique);
+        assert_eq!(pairs(found), [[Some("rpm"), None]]);
     }
 
     #[test]
     fn motion_units_of_one_column_follow_its_size() {
         let [_, position, velocity] = motion(57.3, 300.0);
         let of = MotionSample { velocity: Some(&velocity), ..MotionSample::default() };
-        assert_eq!(motion_units(of).all, [[Some("rpm"), None], [None; 2], [Some("deg/s"), None]]);
+        assert_eq!(
+            pairs(motion_units(of)),
+            [[Some("rpm"), None], [None; 2], [Some("deg/s"), None]]
+        );
         let of = MotionSample { position: Some(&position), ..MotionSample::default() };
-        assert_eq!(motion_units(of).all, [[None, Some("deg")], [None; 2]]);
+        assert_eq!(pairs(motion_units(of)), [[None, Some("deg")], [None; 2]]);
     }
 
     #[test]

@@ -52,8 +52,10 @@ impl Cells {
         match (self, next) {
             (Self::Numbers(cells), Self::Numbers(next)) => cells.extend(next),
             (Self::Texts(cells), Self::Texts(next)) => cells.extend(next),
-            (Self::Stamps(cells), Self::Stamps(next)) => cells.extend(next),
-            (cells, next) => *cells = next,
+            (Self::Integers(cells), Self::Integers(next))
+            | (Self::Stamps(cells), Self::Stamps(next)) => cells.extend(next),
+            (cells @ Self::Unreadable { rows: 0, .. }, next) => *cells = next,
+            (cells, next) => unreachable!("{next:?} after {cells:?} of the same column"),
         }
     }
 

@@ -1,11 +1,11 @@
 //! Scales of a torque that no log states: the torque of 100 %, and the torque constant of the motor.
 //!
-//! A drive logs its torque in percent of the rated one, or logs the current that makes it. With the scale, the unit `%` or
-//! `A` of `--columns` becomes a unit in Nm or N.
+//! A drive logs its torque in percent of the rated one, or logs the current that makes it. With the scale, a column in the unit
+//! `%` or `A` of `--columns` is converted to Nm or N.
 
 use super::options::ReadOptions;
 use super::torque_constant::EXAMPLE;
-use super::unit::{parse_value, split_register};
+use super::unit::{Conversion, parse_value, split_register};
 use crate::setting::Setting;
 use compensator_core::quantity::{JointKind, Quantity};
 
@@ -37,20 +37,16 @@ fn split_factor(unit: &str) -> (Option<f64>, &str) {
     (number.filter(|number: &f64| number.is_finite()), unit[at..].trim())
 }
 
-/// Returns a unit in percent or amperes as one in the unit of a torque or force, if the scale is given.
-pub(super) fn scaled_unit(
-    contract_name: &str,
-    unit: &str,
-    options: &ReadOptions,
-) -> Option<String> {
+/// Returns the conversion of a torque or force in percent or amperes, if the scale is given.
+pub(super) fn scaled(contract_name: &str, unit: &str, options: &ReadOptions) -> Option<Conversion> {
     let (quantity, joint) = Quantity::parse(contract_name)?;
     let joint = joint.filter(|_| quantity == Quantity::Torque)?;
     let constant = options.torque_constant.filter(|constant| constant.joint == joint);
     let (register, unit) = split_register(unit);
     let of_ampere = || Some(amperes(unit)? * constant?.value);
     let of_percent = || Some(percent(unit)? / 100.0 * options.rated_torque_nm?);
-    let size = of_ampere().or_else(of_percent)?;
-    Some(format!("{register}{size}{}", joint.torque_unit()))
+    let size = of_ampere().or_else(of_percent).filter(|size| size.is_normal())?;
+    Some(Conversion::of_count(size, register))
 }
 
 /// Returns what to type for a torque column in a unit of amperes; `None` for another quantity or unit.
@@ -92,6 +88,7 @@ pub(super) fn expected_constant(contract_name: &str, column: &str, unit: &str) -
 #[cfg(test)]
 mod tests {
     use super::super::torque_constant::TorqueConstant;
+    use super::super::unit::conversion;
     use super::*;
 
     #[test]
@@ -104,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn scaled_unit_with_scale_returns_torque() {
+    fn scaled_with_scale_returns_torque() {
         let constant = TorqueConstant { value: 0.5, joint: JointKind::Revolute };
         let options = ReadOptions {
             torque_constant: Some(constant),
@@ -123,8 +120,9 @@ mod tests {
             ("force_n", "A", None),
             ("velocity_rad_s", "%", None),
         ] {
-            assert_eq!(scaled_unit(name, unit, &options).as_deref(), expected, "{name} {unit}");
+            let expected = expected.and_then(|unit| conversion(name, unit).ok());
+            assert_eq!(scaled(name, unit, &options), expected, "{name} {unit}");
         }
-        assert_eq!(scaled_unit("torque_nm", "A", &ReadOptions::default()), None);
+        assert_eq!(scaled("torque_nm", "A", &ReadOptions::default()), None);
     }
 }

@@ -15,6 +15,7 @@
 //! column is an error, whose message shows the option to use ([`in_name`]).
 
 mod register;
+mod table;
 
 use super::contract;
 use super::date::DateOrder;
@@ -22,123 +23,15 @@ use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
 use register::Register;
 pub(super) use register::split_register;
+use table::{Dimension, Linear, UNITS, Unit};
 
-/// The dimension of a unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Dimension {
-    Time,
-    Angle,
-    AngularVelocity,
-    AngularAcceleration,
-    Length,
-    Velocity,
-    Acceleration,
-    Torque,
-    Force,
-    Pressure,
-    Temperature,
-}
-
-/// Conversion to the contract's unit: (factor, divisor, offset). The value is multiplied, divided, and the offset is
-/// added. The divisor keeps conversions exact: 1 ms becomes the number nearest to 0.001.
-type LinearConversion = (f64, f64, f64);
-
-/// A unit with its notations, as [`normalise`] returns them.
-struct Unit {
-    dimension: Dimension,
-    symbols: &'static [&'static str],
-    conversion: LinearConversion,
-}
-
-const fn unit(
-    dimension: Dimension,
-    symbols: &'static [&'static str],
-    conversion: LinearConversion,
-) -> Unit {
-    Unit { dimension, symbols, conversion }
-}
-
-const TURN_RAD: f64 = std::f64::consts::TAU;
-const GRAVITY_M_S2: f64 = 9.806_65;
-const INCH_M: f64 = 0.0254;
-const POUND_FORCE_N: f64 = 4.448_221_615_260_5;
-
-/// The contract's own unit is the first of each dimension.
-const UNITS: &[Unit] = {
-    use Dimension::*;
-    &[
-        unit(Time, &["s", "sec", "seconds", "iso", "iso8601", "date", "datetime"], (1.0, 1.0, 0.0)),
-        unit(Time, &["ms", "msec", "millis", "milliseconds"], (1.0, 1e3, 0.0)),
-        unit(Time, &["us", "usec", "micros", "microseconds"], (1.0, 1e6, 0.0)),
-        unit(Time, &["ns", "nsec", "nanos", "nanoseconds", "nanosec"], (1.0, 1e9, 0.0)),
-        unit(Time, &["min", "minutes"], (60.0, 1.0, 0.0)),
-        unit(Time, &["h", "hours"], (3600.0, 1.0, 0.0)),
-        unit(Time, &["d", "days"], (86_400.0, 1.0, 0.0)),
-        unit(Angle, &["rad"], (1.0, 1.0, 0.0)),
-        unit(Angle, &["mrad"], (1.0, 1e3, 0.0)),
-        unit(Angle, &["deg", "degrees"], (TURN_RAD, 360.0, 0.0)),
-        unit(Angle, &["rev", "turn", "turns", "revolutions"], (TURN_RAD, 1.0, 0.0)),
-        unit(AngularVelocity, &["rad/s", "radps", "rads1"], (1.0, 1.0, 0.0)),
-        unit(AngularVelocity, &["mrad/s"], (1.0, 1e3, 0.0)),
-        unit(AngularVelocity, &["deg/s", "degps", "dps"], (TURN_RAD, 360.0, 0.0)),
-        unit(
-            AngularVelocity,
-            &["rpm", "1/min", "r/min", "rev/min", "U/min", "tr/min", "giri/min", "min1"],
-            (TURN_RAD, 60.0, 0.0),
-        ),
-        unit(AngularVelocity, &["rps", "rev/s", "turn/s", "turns/s"], (TURN_RAD, 1.0, 0.0)),
-        unit(AngularAcceleration, &["rad/s2", "rad/s/s"], (1.0, 1.0, 0.0)),
-        unit(AngularAcceleration, &["deg/s2", "deg/s/s"], (TURN_RAD, 360.0, 0.0)),
-        unit(AngularAcceleration, &["rpm/s"], (TURN_RAD, 60.0, 0.0)),
-        unit(AngularAcceleration, &["rev/s2", "turn/s2", "turns/s2"], (TURN_RAD, 1.0, 0.0)),
-        unit(Length, &["m"], (1.0, 1.0, 0.0)),
-        unit(Length, &["cm"], (1.0, 1e2, 0.0)),
-        unit(Length, &["mm"], (1.0, 1e3, 0.0)),
-        unit(Length, &["um"], (1.0, 1e6, 0.0)),
-        unit(Length, &["inch", "inches"], (INCH_M, 1.0, 0.0)),
-        unit(Velocity, &["m/s"], (1.0, 1.0, 0.0)),
-        unit(Velocity, &["cm/s"], (1.0, 1e2, 0.0)),
-        unit(Velocity, &["mm/s"], (1.0, 1e3, 0.0)),
-        unit(Velocity, &["um/s"], (1.0, 1e6, 0.0)),
-        unit(Velocity, &["m/min"], (1.0, 60.0, 0.0)),
-        unit(Velocity, &["mm/min"], (1.0, 6e4, 0.0)),
-        unit(Velocity, &["inch/s", "in/s"], (INCH_M, 1.0, 0.0)),
-        unit(Acceleration, &["m/s2", "m/s/s"], (1.0, 1.0, 0.0)),
-        unit(Acceleration, &["cm/s2"], (1.0, 1e2, 0.0)),
-        unit(Acceleration, &["mm/s2"], (1.0, 1e3, 0.0)),
-        unit(Torque, &["Nm"], (1.0, 1.0, 0.0)),
-        unit(Torque, &["cNm", "Ncm"], (1.0, 1e2, 0.0)),
-        unit(Torque, &["mNm", "Nmm"], (1.0, 1e3, 0.0)),
-        unit(Torque, &["uNm"], (1.0, 1e6, 0.0)),
-        unit(Torque, &["kNm"], (1e3, 1.0, 0.0)),
-        unit(Torque, &["MNm"], (1e6, 1.0, 0.0)),
-        unit(Torque, &["kgcm", "kgfcm"], (GRAVITY_M_S2, 1e2, 0.0)),
-        unit(Torque, &["ozin", "ozfin"], (POUND_FORCE_N * INCH_M, 16.0, 0.0)),
-        unit(Torque, &["lbin", "lbfin", "inlb"], (POUND_FORCE_N * INCH_M, 1.0, 0.0)),
-        unit(Torque, &["lbft", "lbfft", "ftlb"], (POUND_FORCE_N * INCH_M * 12.0, 1.0, 0.0)),
-        unit(Force, &["N"], (1.0, 1.0, 0.0)),
-        unit(Force, &["mN"], (1.0, 1e3, 0.0)),
-        unit(Force, &["kN"], (1e3, 1.0, 0.0)),
-        unit(Force, &["MN"], (1e6, 1.0, 0.0)),
-        unit(Force, &["kgf"], (GRAVITY_M_S2, 1.0, 0.0)),
-        unit(Force, &["lbf"], (POUND_FORCE_N, 1.0, 0.0)),
-        unit(Pressure, &["Pa"], (1.0, 1.0, 0.0)),
-        unit(Pressure, &["hPa", "mbar"], (1e2, 1.0, 0.0)),
-        unit(Pressure, &["kPa"], (1e3, 1.0, 0.0)),
-        unit(Pressure, &["MPa"], (1e6, 1.0, 0.0)),
-        unit(Pressure, &["bar"], (1e5, 1.0, 0.0)),
-        unit(Pressure, &["psi"], (POUND_FORCE_N, INCH_M * INCH_M, 0.0)),
-        unit(Pressure, &["atm"], (101_325.0, 1.0, 0.0)),
-        unit(Temperature, &["degC", "C", "celsius"], (1.0, 1.0, 0.0)),
-        unit(Temperature, &["K", "kelvin"], (1.0, 1.0, -273.15)),
-        unit(Temperature, &["degF", "F", "fahrenheit"], (5.0, 9.0, -160.0 / 9.0)),
-    ]
-};
+/// Relative error of a few operations of `f64`.
+const ROUNDING_ERRORS: f64 = 4.0 * f64::EPSILON;
 
 /// Conversion of a column's numbers to the contract's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Conversion {
-    linear: LinearConversion,
+    linear: Linear,
     sign: f64,
     /// Offset in the column's unit.
     offset: f64,
@@ -148,25 +41,31 @@ pub(super) struct Conversion {
 
 impl Conversion {
     const UNCHANGED: Self = Self {
-        linear: (1.0, 1.0, 0.0),
+        linear: Linear::SAME,
         sign: 1.0,
         offset: 0.0,
         date_order: None,
         register: Register::Signed,
     };
 
+    /// Returns the conversion of counts, each of a size in the contract's unit, which may be negative.
+    pub fn of_count(size: f64, register: Register) -> Self {
+        let linear = Linear { factor: size.abs(), ..Linear::SAME };
+        Self { linear, sign: size.signum(), register, ..Self::UNCHANGED }
+    }
+
     /// Converts a number of the column to the contract's unit.
     #[inline]
     pub fn apply(&self, value: f64) -> f64 {
-        let (times, over, plus) = self.linear;
+        let Linear { factor, divisor, offset } = self.linear;
         let value = self.register.signed(value);
-        self.sign * (value * times / over + plus) + self.offset
+        self.sign * (value * factor / divisor + offset) + self.offset
     }
 
     /// Returns the number in the column, without the sign of a counter.
     pub fn inverse(&self, value: f64) -> f64 {
-        let (times, over, plus) = self.linear;
-        ((value - self.offset) / self.sign - plus) * over / times
+        let Linear { factor, divisor, offset } = self.linear;
+        ((value - self.offset) / self.sign - offset) * divisor / factor
     }
 
     /// Returns true if the column is read as a register without a sign of its own.
@@ -179,10 +78,11 @@ impl Conversion {
         self.date_order
     }
 
-    /// Returns the nanoseconds in one unit of time.
-    pub fn nanoseconds(&self) -> i128 {
-        let (times, over, _) = self.linear;
-        (1e9 * times / over) as i128
+    /// Returns the nanoseconds in one unit of time; `None` if they are no whole number.
+    pub fn nanoseconds(&self) -> Option<i128> {
+        let ns = 1e9 * self.linear.factor / self.linear.divisor;
+        let is_whole = (ns - ns.round()).abs() <= ROUNDING_ERRORS * ns && ns.round() > 0.0;
+        is_whole.then_some(ns.round() as i128)
     }
 }
 
@@ -286,11 +186,12 @@ fn counts(symbol: &str, dimension: Dimension) -> Option<&'static Unit> {
 
 /// Splits a text into the number that it starts with and the rest.
 fn leading_number(text: &str) -> Option<(f64, &str)> {
-    let lengths = text.char_indices().map(|(at, c)| at + c.len_utf8());
-    let longest = lengths.rev().find(|end| text[..*end].parse::<f64>().is_ok())?;
     // A name of a unit may start like a number: `inf`, `nan`.
-    let is_number = text.starts_with(|c: char| c.is_ascii_digit() || c == '.');
-    is_number.then(|| (text[..longest].parse().unwrap_or(f64::NAN), text[longest..].trim_start()))
+    if !text.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
+        return None;
+    }
+    let ends = text.char_indices().map(|(at, c)| at + c.len_utf8());
+    ends.rev().find_map(|end| Some((text[..end].parse().ok()?, text[end..].trim_start())))
 }
 
 /// Why a text is no unit of a column, displayed as what is expected instead.
@@ -339,9 +240,9 @@ pub(super) fn conversion(contract_name: &str, symbol: &str) -> Result<Conversion
         _ => (1.0, symbol),
     };
     if let Some(Scaled { unit, times, over, offset }) = parse_scaled(bare, dimension) {
-        let (factor, divisor, plus) = unit.conversion;
+        let Linear { factor, divisor, .. } = unit.linear;
         let offset = offset * factor / divisor;
-        let linear = (times * factor, over * divisor, plus);
+        let linear = Linear { factor: times * factor, divisor: over * divisor, ..unit.linear };
         return Ok(Conversion { linear, sign, offset, ..Conversion::UNCHANGED });
     }
     if counts(bare, dimension).is_some() {
@@ -389,7 +290,7 @@ pub(crate) fn in_name(contract_name: &str, foreign: &str) -> Option<&'static str
         return Some("ns");
     }
     let unit = at_end(contract_name, foreign)?;
-    (unit.conversion != (1.0, 1.0, 0.0)).then_some(unit.symbols[0])
+    (unit.linear != Linear::SAME).then_some(unit.symbols[0])
 }
 
 /// Returns the unit at the end of a column's name, if the contract column could be in it.

@@ -162,6 +162,22 @@ fn channel_delay_uses_delayed_velocity() {
 }
 
 #[test]
+fn channel_delay_beyond_its_line_in_a_shorter_period_is_that_of_the_line() {
+    // 20 samples become 200, of which the line holds 31.
+    let delay = [(Id::ChannelDelay, 20.0 * PERIOD)];
+    let delayed = build::<f64>(&with_term(TermKind::ChannelDelay, &delay)).rescaled(0.1);
+    let plain = build::<f64>(&base()).rescaled(0.1);
+    let velocity = |step: i32| (0.02 * f64::from(step.max(0))).sin();
+    let (mut a, mut b) = (ModelState::default(), ModelState::default());
+    for step in 0..500 {
+        let at = |step| Sample { velocity_rad_s: velocity(step), ..Sample::default() };
+        let found = delayed.step(&mut a, &at(step));
+        let expected = plain.step(&mut b, &at(step - 31));
+        assert!((found - expected).abs() < 1e-9, "step {step}: {found} {expected}");
+    }
+}
+
+#[test]
 fn warm_up_lowers_friction_and_cooling_restores_it() {
     let values = [(Id::WarmUpFall, 0.5), (Id::WarmUpEnergy, 500.0), (Id::WarmUpCooling, 40.0)];
     fn run<T: Real>(values: &[(Id, f64)]) -> Vec<f64> {

@@ -3,7 +3,7 @@
 use crate::cell::CellReader;
 use crate::contract::{POSITIONS, TARGETS, TIME, VELOCITIES};
 use crate::error::{DataError, at_header};
-use crate::naming::Naming;
+use crate::naming::{MissingColumn, Naming};
 use crate::row_clock::Timing;
 use crate::setting::Setting;
 use crate::unit::conversion;
@@ -40,15 +40,18 @@ impl RequiredColumns {
         if let (Some(time), Some(motion), Some(target)) = (time, motion, target) {
             return Ok(Self { time, motion, is_position: velocity.is_none(), target });
         }
-        let missing = [
-            (time.is_none() && !matches!(timing, Timing::Rate(_)), TIME, TIME),
-            (
-                motion.is_none(),
-                "velocity_rad_s (or velocity_m_s)",
-                VELOCITIES[usize::from(kind == Some(JointKind::Prismatic))].0,
-            ),
-            (target.is_none(), "torque_nm (or force_n)", TARGETS[0].0),
-        ];
+        let mut missing = Vec::new();
+        if time.is_none() && !matches!(timing, Timing::Rate(_)) {
+            missing.push(MissingColumn { name: TIME, in_words: TIME });
+        }
+        if motion.is_none() {
+            let (name, _) = VELOCITIES[usize::from(kind == Some(JointKind::Prismatic))];
+            missing.push(MissingColumn { name, in_words: "velocity_rad_s (or velocity_m_s)" });
+        }
+        if target.is_none() {
+            let name = TARGETS[0].0;
+            missing.push(MissingColumn { name, in_words: "torque_nm (or force_n)" });
+        }
         Err(naming.missing(file, &missing))
     }
 

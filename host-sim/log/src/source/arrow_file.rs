@@ -121,7 +121,7 @@ fn cells(array: &dyn Array) -> Cells {
         Is::Float64 => numbers::<of::Float64Type>(array, |v| v),
         Is::Float32 => numbers::<of::Float32Type>(array, f64::from),
         Is::Float16 => numbers::<of::Float16Type>(array, f64::from),
-        Is::Int64 => numbers::<of::Int64Type>(array, |v| v as f64),
+        Is::Int64 => Cells::Integers(array.as_primitive::<of::Int64Type>().iter().collect()),
         Is::Int32 => numbers::<of::Int32Type>(array, f64::from),
         Is::Int16 => numbers::<of::Int16Type>(array, f64::from),
         Is::Int8 => numbers::<of::Int8Type>(array, f64::from),

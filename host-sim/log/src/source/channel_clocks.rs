@@ -9,7 +9,6 @@ use crate::columns::{FINITE, is_missing_value};
 use crate::error::{listed, quoted};
 use crate::log_table::{LogTable, TableRows};
 use crate::options::ReadOptions;
-use std::borrow::Cow;
 
 /// Words of a time column.
 const TIME_WORDS: [&str; 3] = ["t", "time", "timestamp"];
@@ -24,7 +23,7 @@ struct Group {
 /// Stamps of at least this size are FILETIME: 100 ns since 1601. It is the year 1918.
 const MIN_FILETIME: f64 = 1e17;
 
-/// Limit of a stamp: FILETIME has 64 bits.
+/// Limit of a stamp: FILETIME is a signed number of 64 bits.
 const MAX_STAMP: f64 = 9e18;
 
 /// 1970 in FILETIME.
@@ -67,8 +66,52 @@ struct Sample {
     row: usize,
 }
 
-/// A cell that makes a sample invalid: its column in the merged table, what was found there and what was expected.
-type BadSample = (usize, String, String);
+/// A cell that makes a sample invalid.
+struct BadSample {
+    /// Its column in the merged table.
+    column: usize,
+    found: String,
+    expected: String,
+}
+
+/// What the stamps of a file count, by the first of them.
+#[derive(Clone, Copy)]
+enum Stamps {
+    /// The unit of the first clock.
+    Plain,
+    /// 100 ns since 1601. The times count from the first stamp, in milliseconds, the unit of TwinCAT Scope.
+    FileTime { first: i128 },
+}
+
+impl Stamps {
+    /// Returns what a stamp counts, if it is the first of its file. `text` is its cell.
+    fn of_first(stamp: f64, text: &[u8]) -> Self {
+        if stamp < MIN_FILETIME {
+            Self::Plain
+        } else {
+            Self::FileTime { first: ticks(stamp, text) }
+        }
+    }
+
+    /// Returns the time of a stamp, or what was expected instead.
+    fn time(self, stamp: f64, text: &[u8]) -> Result<f64, &'static str> {
+        match self {
+            Self::Plain if stamp < MIN_FILETIME => Ok(stamp),
+            Self::FileTime { first } if stamp >= MIN_FILETIME => {
+                Ok((ticks(stamp, text) - first) as f64 / 1e4)
+            }
+            Self::Plain => Err("a time that is no FILETIME, as the first"),
+            Self::FileTime { .. } => Err("FILETIME, as the first time"),
+        }
+    }
+}
+
+/// Returns the ticks of a FILETIME, of which an `f64` holds no more than sixteen digits.
+fn ticks(stamp: f64, text: &[u8]) -> i128 {
+    let whole = std::str::from_utf8(text).ok().and_then(|text| text.parse().ok());
+    // A number with a point or an exponent is not written to the last digit.
+    whole.unwrap_or(stamp as i128)
+}
 
 /// A table whose channels have clocks of their own.
 pub(super) struct ChannelClocks {
@@ -116,13 +159,13 @@ impl ChannelClocks {
     /// Adds the rows of the file, merged onto one clock, to a table. Returns a note on the origin of the times, if the file
     /// states it.
     pub fn merge(&self, file: &LogTable, table: &mut TableRows) -> Option<String> {
-        let mut first_filetime = None;
+        let mut stamps = None;
         let mut samples: Vec<Vec<Sample>> = self.groups.iter().map(|_| Vec::new()).collect();
         for row in 0..file.lines.len() {
             for (group, samples) in self.groups.iter().zip(&mut samples) {
-                match self.sample(file, group, row, samples.last(), &mut first_filetime) {
+                match self.sample(file, group, row, samples.last(), &mut stamps) {
                     Ok(sample) => samples.extend(sample),
-                    Err((column, found, expected)) => {
+                    Err(BadSample { column, found, expected }) => {
                         table.reject_row(file.lines[row], Some(column), found, &expected);
                     }
                 }
@@ -131,54 +174,61 @@ impl ChannelClocks {
         let mut next = vec![0; samples.len()];
         loop {
             let heads = samples.iter().zip(&next).filter_map(|(samples, at)| samples.get(*at));
-            let Some(time) = heads.map(|sample| sample.time).min_by(f64::total_cmp) else { break };
+            let order =
+                |a: &&Sample, b: &&Sample| a.time.total_cmp(&b.time).then(a.row.cmp(&b.row));
+            let Some(&Sample { time, row }) = heads.min_by(order) else { break };
             let row_now = |(samples, at): (&Vec<Sample>, &mut usize)| {
                 let sample = samples.get(*at).filter(|sample| sample.time == time)?;
                 *at += 1;
                 Some(sample.row)
             };
             let rows: Vec<Option<usize>> = samples.iter().zip(&mut next).map(row_now).collect();
-            let line = rows.iter().flatten().map(|row| file.lines[*row]).min();
-            table.add_numbers(line.unwrap_or_default(), |at| {
+            table.add_numbers(file.lines[row], |at| {
                 let column = self.kept[at];
                 let group = self.groups.iter().position(|group| group.channels.contains(&column));
                 // The first column is the clock.
                 group.map_or(Some(time), |group| file.columns[column].number(rows[group]?))
             });
         }
-        first_filetime.map(|ticks: i128| {
-            let origin = crate::clock::format_origin((ticks - FILETIME_OF_1970) * 100);
-            format!("times count from {origin}")
-        })
+        let Some(Stamps::FileTime { first }) = stamps else { return None };
+        let origin = crate::clock::format_origin((first - FILETIME_OF_1970) * 100);
+        Some(format!("times count from {origin}"))
     }
 
-    /// Returns the sample of a group in a row of the file; `None` if there is none, or it repeats the last one.
+    /// Returns the sample of a group in a row of the file; `None` if there is none, or it repeats the last one. The first
+    /// sample of the file sets what its `stamps` count.
     fn sample(
         &self,
         file: &LogTable,
         group: &Group,
         row: usize,
         last: Option<&Sample>,
-        first_filetime: &mut Option<i128>,
+        stamps: &mut Option<Stamps>,
     ) -> Result<Option<Sample>, BadSample> {
+        let bad = |column, found, expected: String| Err(BadSample { column, found, expected });
         let text = |column: usize| file.columns[column].text(row);
         let number = |column: usize, row: usize| file.columns[column].number(row);
         let stamp = number(group.time, row).filter(|stamp| stamp.abs() < MAX_STAMP);
+        let clock = text(group.time);
         let Some(stamp) = stamp else {
-            let text = text(group.time);
             // A slower channel has fewer samples.
-            let is_bad = !text.is_empty();
-            return if is_bad { Err((0, quoted(&text), FINITE.into())) } else { Ok(None) };
+            return if clock.is_empty() { Ok(None) } else { bad(0, quoted(&clock), FINITE.into()) };
         };
-        let time = time(|| text(group.time), stamp, first_filetime);
+        let kind = *stamps.get_or_insert_with(|| Stamps::of_first(stamp, &clock));
+        let time = match kind.time(stamp, &clock) {
+            Ok(time) => time,
+            Err(expected) => return bad(0, quoted(&clock), expected.into()),
+        };
         if let Some(last) = last.filter(|last| time < last.time) {
-            return Err((0, time.to_string(), format!("a time not before {}", last.time)));
+            return bad(0, time.to_string(), format!("a time not before {}", last.time));
         }
-        let is_word =
-            |column: &usize| number(*column, row).is_none() && !is_missing_value(&text(*column));
-        if let Some(channel) = group.channels.clone().find(is_word) {
-            let column = self.kept.iter().position(|kept| *kept == channel).unwrap_or_default();
-            return Err((column, quoted(&text(channel)), FINITE.into()));
+        let is_word = |(_, column): &(usize, &usize)| {
+            group.channels.contains(*column)
+                && number(**column, row).is_none()
+                && !is_missing_value(&text(**column))
+        };
+        if let Some((column, of_file)) = self.kept.iter().enumerate().find(is_word) {
+            return bad(column, quoted(&text(*of_file)), FINITE.into());
         }
         let bits = |column: usize, row: usize| number(column, row).map(f64::to_bits);
         // A slower channel may be repeated until its next sample.
@@ -188,20 +238,6 @@ impl ChannelClocks {
         });
         Ok((!is_repeated).then_some(Sample { time, row }))
     }
-}
-
-/// Returns the time of a stamp in the column's unit. FILETIME becomes milliseconds, the unit of TwinCAT Scope.
-fn time<'c>(
-    cell: impl FnOnce() -> Cow<'c, [u8]>,
-    stamp: f64,
-    first_filetime: &mut Option<i128>,
-) -> f64 {
-    if first_filetime.is_none() && stamp < MIN_FILETIME {
-        return stamp;
-    }
-    let ticks = std::str::from_utf8(&cell()).ok().and_then(|text| text.parse().ok());
-    let ticks: i128 = ticks.unwrap_or(stamp as i128);
-    (ticks - *first_filetime.get_or_insert(ticks)) as f64 / 1e4
 }
 
 #[cfg(test)]

@@ -268,7 +268,7 @@ fn numbers_or_text(
             Cells::Numbers(spread(values, value_level, nan, |&v| v.cast_unsigned() as f64)?)
         }
         ColumnReader::Int64ColumnReader(values) => {
-            Cells::Numbers(spread(values, value_level, nan, |&v| v as f64)?)
+            Cells::Integers(spread(values, value_level, None, |&v| Some(v))?)
         }
         ColumnReader::BoolColumnReader(values) => {
             let word = |&v: &bool| if v { "true" } else { "false" }.to_owned();

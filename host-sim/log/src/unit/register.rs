@@ -2,7 +2,7 @@
 
 /// How a register holds the sign of a number that the log holds without it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Register {
+pub(crate) enum Register {
     /// The log holds the sign.
     Signed,
     /// Two's complement, with the range of the register: `int16`.
@@ -45,10 +45,7 @@ impl Register {
     }
 }
 
-/// Splits a unit into the kind of a register, empty if there is none, and the unit of one count.
-pub(crate) fn split_register(symbol: &str) -> (&str, &str) {
-    match Register::parse(symbol) {
-        Some((_, unit)) => symbol.split_at(symbol.len() - unit.len()),
-        None => ("", symbol),
-    }
+/// Splits a unit into its register and the unit of one count.
+pub(crate) fn split_register(symbol: &str) -> (Register, &str) {
+    Register::parse(symbol).unwrap_or((Register::Signed, symbol))
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::message;
 use crate::setting::plain;
+use std::f64::consts::TAU as TURN_RAD;
 
 fn in_si(contract_name: &str, symbol: &str, value: f64) -> f64 {
     conversion(contract_name, symbol).unwrap().apply(value)

@@ -105,6 +105,28 @@ fn read_with_arrow_of_each_compression_returns_rows() {
 }
 
 #[test]
+fn read_with_integer_stamps_of_arrow_keeps_all_digits() {
+    let numbers = |number| Arc::new(Float64Array::from(vec![number; ROWS])) as ArrayRef;
+    let stamps = (0..ROWS as i64).map(|row| 1_714_564_800_000_000_000 + 1_000 * row);
+    let columns: Vec<(&str, ArrayRef)> = vec![
+        ("stamp", Arc::new(stamps.collect::<Int64Array>())),
+        ("velocity_rad_s", numbers(1.5)),
+        ("torque_nm", numbers(0.5)),
+    ];
+    let batch = RecordBatch::try_from_iter(columns).unwrap();
+    let path = std::env::temp_dir().join(format!("stamps-{}.arrow", std::process::id()));
+    let mut writer =
+        FileWriter::try_new(fs::File::create(&path).unwrap(), &batch.schema()).unwrap();
+    writer.write(&batch).unwrap();
+    writer.finish().unwrap();
+    let file = Temporary(path);
+    let columns = vec![("time_s".to_owned(), "stamp:ns".to_owned())];
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let data = read(std::slice::from_ref(&file.0), &options, &|_, _| {}).unwrap();
+    assert_eq!(data.runs[0].time_s[..3], [0.0, 1e-6, 2e-6]);
+}
+
+#[test]
 fn read_with_damaged_arrow_returns_error_without_panic() {
     for is_stream in [false, true] {
         let good = write(&format!("good-{is_stream}"), is_stream, Some(CompressionType::ZSTD));

@@ -309,6 +309,45 @@ fn read_with_clock_for_each_rate_merges_channels() {
     }
 }
 
+/// Returns a log of two channels with clocks of their own. `stamp` writes a time in ms.
+fn twincat(stamp: impl Fn(&str, u32) -> String) -> String {
+    let line = |row: u32| {
+        let (velocity, torque) = (velocity(time(row)), torque(time(row)));
+        format!("{},{velocity},{},{torque}\n", stamp("velocity", row), stamp("torque", row))
+    };
+    format!("t1,velocity_rad_s,t2,torque_nm\n{}", (0..ROWS).map(line).collect::<String>())
+}
+
+#[test]
+fn read_with_filetime_of_each_channel_counts_from_the_first() {
+    // 2024-05-01 12:00:00 UTC; the torque is sampled 0.1 us, one tick, later.
+    let first = 133_590_384_000_000_000_u64;
+    let stamp = |name: &str, row| {
+        (first + 10_000 * u64::from(row) + u64::from(name == "torque")).to_string()
+    };
+    let data = try_read(&twincat(stamp), &with_columns("time_s=t1:ms")).unwrap();
+    check_rows(&data, data.rows, 1e-3);
+    // The last velocity is before the last torque, and is left out or interpolated with it.
+    let end_s = data.runs[0].time_s.last().unwrap();
+    assert!((end_s - time(data.rows as u32 - 1)).abs() < 1e-6 && data.rows >= 299, "{end_s}");
+    let note = data.notes.iter().find(|note| note.contains("times count from")).unwrap();
+    assert!(note.contains("2024-05-01 12:00:00 UTC"), "{note}");
+}
+
+#[test]
+fn read_with_plain_stamps_among_filetime_leaves_them_out() {
+    let first = 133_590_384_000_000_000_u64;
+    for is_file_time in [true, false] {
+        let stamp = |_: &str, row: u32| match (row == 7) != is_file_time {
+            true => (first + 10_000 * u64::from(row)).to_string(),
+            false => row.to_string(),
+        };
+        let data = try_read(&twincat(stamp), &with_columns("time_s=t1:ms")).unwrap();
+        assert_eq!((data.rows, data.bad_rows.count), (299, 2), "{is_file_time}");
+        assert!(data.bad_rows.first[0].expected.contains("FILETIME"));
+    }
+}
+
 #[test]
 fn read_with_colons_between_cells_reads_them() {
     let rows: String = (0..ROWS)

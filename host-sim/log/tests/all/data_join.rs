@@ -205,6 +205,26 @@ fn read_with_join_of_different_lengths_reports_the_rows_left_out() {
 }
 
 #[test]
+fn read_with_join_of_rows_without_a_time_reports_or_refuses_them() {
+    let folder = Folder::new();
+    let write = |broken: u32| {
+        let row = |row: u32| match row % broken {
+            1 => format!("?,{}\n", torque(row)),
+            _ => format!("{:.5},{}\n", time(row), torque(row)),
+        };
+        let rows: String = (0..ROWS).map(row).collect();
+        let effort = folder.write("effort.csv", format!("time,effort\n{rows}"));
+        vec![effort, folder.write("velocity.csv", file("time,velocity\n", velocity, 0.0))]
+    };
+    let pairs = options("time_s=time,torque_nm=effort,velocity_rad_s=velocity");
+    let data = read_with(&folder, &write(100), &pairs).unwrap();
+    assert_eq!(data.rows, 198);
+    message::check("joins", "few rows without a time", &data.notes[0], &["2 rows"]);
+    let error = read_with(&folder, &write(10), &pairs).unwrap_err();
+    message::check("joins", "rows without a time", &error, &["effort.csv", "20 of 200"]);
+}
+
+#[test]
 fn read_tables_with_join_joins_them() {
     let table = |word: &str, values: fn(u32) -> f64| Table {
         name: word.into(),

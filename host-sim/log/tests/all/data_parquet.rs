@@ -179,6 +179,16 @@ fn read_with_dates_returns_times_to_the_nanosecond() {
 }
 
 #[test]
+fn read_with_integer_stamps_of_parquet_keeps_all_digits() {
+    let file =
+        dated::<Int64Type>("stamps", "INT64 stamp", |row| 1_714_564_800_000_000_000 + 1_000 * row);
+    let columns = vec![("time_s".to_owned(), "stamp:ns".to_owned())];
+    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let data = read(std::slice::from_ref(&file.0), &options, &|_, _| {}).unwrap();
+    assert_eq!(data.runs[0].time_s[..3], [0.0, 1e-6, 2e-6]);
+}
+
+#[test]
 fn read_with_more_rows_than_a_batch_keeps_columns_aligned() {
     for compression in [Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())] {
         let data = read_one(&write(&format!("long-{compression:?}"), compression, 2, 20_000));
