@@ -91,7 +91,7 @@ pub use treatment::{Treatment, treatment_of, typical_value};
 pub use dual::Dual;
 pub use gradient::{Differentiable, Simulation, TorqueAt};
 pub use initial_state::initial_state;
-pub use metrics::Metrics;
+pub use metrics::{Metrics, WeighedRow};
 pub use predict::{Predicted, predict};
 pub use simulate::{Resolution, simulate};
 pub use statistics::autocorrelation_time;
