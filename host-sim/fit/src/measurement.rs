@@ -86,6 +86,12 @@ impl Measurement {
         torque
     }
 
+    /// Returns the channels of which the torque has a share and that a log lacks.
+    pub fn missing_columns<'a>(&'a self, data: &'a Dataset) -> impl Iterator<Item = &'a str> {
+        let columns = self.channel_gains.iter().map(|share| share.column.as_str());
+        columns.filter(|name| long(data, name).is_none())
+    }
+
     /// Returns the shares of other channels in all rows. A channel that the log lacks has none.
     fn shares(&self, data: &Dataset) -> Vec<f64> {
         let mut shares = vec![0.0; data.runs.iter().map(|run| run.len()).sum()];

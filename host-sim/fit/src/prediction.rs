@@ -312,8 +312,12 @@ fn remarks(
     runs: &[RunPrediction],
 ) -> Vec<String> {
     let mut remarks = Vec::new();
-    let mut missing: Vec<&str> =
-        linear.map(|linear| linear.missing_columns(data)).unwrap_or_default();
+    let measurement =
+        if linear.is_some() { &file.measurement } else { file.measurement_of_driver() };
+    let mut missing = linear.map_or_else(Vec::new, |linear| linear.missing_columns(data));
+    missing.extend(measurement.missing_columns(data));
+    missing.sort_unstable();
+    missing.dedup();
     for (_, quantity) in file.spec.needs() {
         let name = quantity.name(data.joint);
         let is_absent = data.runs.iter().all(|run| run.get(quantity).is_none());
