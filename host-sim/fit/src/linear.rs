@@ -14,7 +14,7 @@ mod motion;
 mod operator;
 
 pub use factor::{Factor, Inputs, Regressor, heat, mean_growth};
-pub use motion::Motion;
+pub use motion::{Motion, has_campaign_clock};
 pub use operator::{later, play, stop};
 
 use crate::measurement::Measurement;
