@@ -188,12 +188,11 @@ fn metrics(log: &TrainTest, whole: &Predicted) -> Metrics {
     Metrics::of(rows.flat_map(|((track, torque), residuals)| {
         (0..residuals.len()).filter_map(move |at| {
             let row = at * log.decimate;
-            let weight = track.weight(row);
-            let measured = track.torque[row];
             // A decimated residual is filtered. The simulated torque is then the measured torque
             // minus the residual.
-            let simulated = if log.decimate > 1 { measured - residuals[at] } else { torque[row] };
-            (weight > 0.0).then_some((measured, simulated, weight))
+            let filtered = || track.torque[row] - residuals[at];
+            let simulated = if log.decimate > 1 { filtered() } else { torque[row] };
+            track.is_included(row).then(|| track.compared(row, simulated))
         })
     }))
 }

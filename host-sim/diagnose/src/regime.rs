@@ -78,7 +78,6 @@ pub fn regimes(track: &Track, bristle: &[f64], presliding: f64, fastest: f64) ->
     (0..track.len())
         .map(|row| {
             let velocity = track.samples[row].velocity_rad_s;
-            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
             if velocity.abs() < AT_REST * fastest {
                 (travelled, after) = (0.0, Regime::Breakaway);
                 return Regime::Rest;
@@ -87,7 +86,7 @@ pub fn regimes(track: &Track, bristle: &[f64], presliding: f64, fastest: f64) ->
                 (travelled, after) = (0.0, Regime::Reversal);
             }
             direction = velocity.signum();
-            travelled += velocity.abs() * track.period_s * ratio;
+            travelled += velocity.abs() * track.period_s * track.period_ratio_of(row);
             if bristles && bristle[row] * direction < HELD {
                 return Regime::Presliding;
             }

@@ -12,8 +12,8 @@
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, Real, TermKind};
 use friction_fit::{
-    Differentiable, Dual, Resolution, Simulation, TorqueAt, Track, TrackLowPass, filter_column,
-    initial_state, simulate, treatment_of,
+    Differentiable, Dual, GradientRow, Resolution, Simulation, TorqueAt, Track, TrackLowPass,
+    filter_column, initial_state, simulate, treatment_of,
 };
 use rayon::prelude::*;
 use std::ops::Range;
@@ -136,7 +136,7 @@ fn along(
     let bristles = parameters.law.has_bristles();
     let mut channel = TrackLowPass::for_torque(track);
     let simulation = Simulation { track, resolution, at: TorqueAt::Shaft };
-    simulation.run(model, &start, |(row, torque, bristle, gradient)| {
+    simulation.run(model, &start, |GradientRow { row, torque, bristle, gradient }| {
         let shown = channel.as_mut().map_or(torque, |channel| channel.filter(row, torque));
         out.torque.push(shown);
         out.shaft_torque.push(torque);

@@ -8,6 +8,7 @@
 use super::evaluation::noise_floor;
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
+use friction_fit::linear::has_campaign_clock;
 use friction_fit::{
     ChannelGain, Rows, Scales, TorqueLowPass, Track, campaign_start, record_earlier_stretches,
     tracks_since,
@@ -298,15 +299,10 @@ impl TrainTest {
         values.any(|value| value != first)
     }
 
-    /// Returns true if time continues from run to run, as on the clock of a campaign. If every run
-    /// starts at the same time, the order of the runs is unknown.
+    /// Returns true if time continues from run to run.
     pub fn has_campaign_clock(&self) -> bool {
-        let ends = |run: &Run| Some((*run.time_s.first()?, *run.time_s.last()?));
         let apart = self.test.runs.iter().filter(|_| !self.leaves_each_out);
-        let mut runs: Vec<(f64, f64)> =
-            self.train.runs.iter().chain(apart).filter_map(ends).collect();
-        runs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        runs.windows(2).all(|pair| pair[0].1 <= pair[1].0)
+        has_campaign_clock(self.train.runs.iter().chain(apart))
     }
 
     /// Returns the name of the position column, for findings.

@@ -60,14 +60,7 @@ pub fn undelayed<T: Real<Setting = T>>(
     let mut plain = parameters.clone();
     plain.terms.retain(|term| *term != TermKind::ChannelDelay);
     let delay = parameters.get(ParameterId::ChannelDelay);
-    let ratio = |row: usize| track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-    let mut time = 0.0;
-    let times: Vec<f64> = (0..track.len())
-        .map(|row| {
-            time += if row > 0 { track.period_s * ratio(row) } else { 0.0 };
-            time
-        })
-        .collect();
+    let times = track.times_s();
     let motion = |row: usize| Motion::of(&track.samples[row]);
     let mut earlier = 0;
     let delayed = times

@@ -7,15 +7,15 @@
 //! - its interval lies within what the log can show, and it does not cancel another part of the torque;
 //! - both halves of the runs, or of the log, agree with it: one Gauss-Newton step from the optimum on each half.
 
+use super::gradient::Differentiable;
 use super::outcome::State;
 use super::reason::Reason;
-use super::reduce::reduce;
+use super::reduce::{AtPoint, reduce};
 use super::scales::{SEVERAL_ROWS, Scales};
 use super::solve::Solution;
 use super::statistics::inverse_information;
 use super::streaming_qr::Reduced;
 use super::track::{Rows, Track, run_count};
-use crate::dual::Dual;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use joint_log::statistics::quantile_by_count;
@@ -131,8 +131,8 @@ pub(super) struct Evidence<'a> {
     errors: Vec<f64>,
     /// Correlation of the parameters.
     pub correlation: DMatrix<f64>,
-    /// Change of each parameter from the first to the second half, and its standard error.
-    halves: Vec<[f64; 2]>,
+    /// Difference of each parameter between both halves of the data.
+    halves: Vec<HalvesDifference>,
     shown: Shown,
     /// RMS torque, Nm.
     torque: f64,
@@ -149,11 +149,7 @@ impl<'a> Evidence<'a> {
         let count = solution.coordinates.len();
         let free: Vec<Id> = solution.coordinates.ids().collect();
         let covariance = covariance(&solution.reduced, solution.reduced.sum_of_squares(), time);
-        // d(parameter)/d(coordinate), exact to rounding, from the same dual numbers as the fit.
-        let seeded: Vec<Dual<40>> =
-            solution.point.iter().enumerate().map(|(i, u)| Dual::parameter(*u, i)).collect();
-        let dual = solution.coordinates.parameters(&seeded);
-        let change = DMatrix::from_fn(count, count, |i, j| dual.get(free[i]).gradient[j]);
+        let change = change(solution, &free);
         let natural = &change * &covariance * change.transpose();
         let errors: Vec<f64> = natural.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
         let correlation = DMatrix::from_fn(count, count, |i, j| {
@@ -228,8 +224,9 @@ impl<'a> Evidence<'a> {
         if let Some(other) = self.cancelled_by(index) {
             return Some(Reason::Cancels(other));
         }
-        let [difference, error] = self.halves[index];
-        let agree = difference <= (MAX_HALVES_ERRORS * error).max(MAX_HALVES_SHARE * value.abs());
+        let HalvesDifference { magnitude, std_error } = self.halves[index];
+        let agree =
+            magnitude <= (MAX_HALVES_ERRORS * std_error).max(MAX_HALVES_SHARE * value.abs());
         (!agree).then_some(Reason::HalvesDisagree)
     }
 
@@ -297,20 +294,42 @@ impl<'a> Evidence<'a> {
     }
 }
 
+/// Returns the derivatives of the parameters by the coordinates, exact to rounding: from the dual numbers of the fit, a few
+/// coordinates at a time.
+fn change(solution: &Solution, free: &[Id]) -> DMatrix<f64> {
+    const AT_ONCE: usize = 8;
+    let model = AtPoint { coordinates: &solution.coordinates, point: &solution.point };
+    let mut change = DMatrix::zeros(free.len(), free.len());
+    for from in (0..free.len()).step_by(AT_ONCE) {
+        let range = from..(from + AT_ONCE).min(free.len());
+        let dual = model.parameters::<AT_ONCE>(range.clone());
+        for (row, id) in free.iter().enumerate() {
+            let gradient = dual.get(*id).gradient;
+            range.clone().for_each(|column| change[(row, column)] = gradient[column - from]);
+        }
+    }
+    change
+}
+
 /// Returns the covariance of the coordinates for a sum of squared residuals.
 fn covariance(reduced: &Reduced, squares: f64, time: f64) -> DMatrix<f64> {
     let spare = reduced.rows.saturating_sub(reduced.residual.len()).max(1) as f64;
     inverse_information(reduced) * (time * squares / spare)
 }
 
-/// Returns the difference of each parameter between both halves of the data, and its standard error: one Gauss-Newton step
-/// from the optimum on each half.
+/// Difference of a parameter between both halves of the data.
+struct HalvesDifference {
+    magnitude: f64,
+    std_error: f64,
+}
+
+/// Returns the difference of each parameter between both halves of the data: one Gauss-Newton step from the optimum on each half.
 fn halves_differ(
     solution: &Solution,
     change: &DMatrix<f64>,
     rows: Rows,
     time: f64,
-) -> Vec<[f64; 2]> {
+) -> Vec<HalvesDifference> {
     let count = solution.coordinates.len();
     let [first, second] = halves(rows.tracks).map(|tracks| {
         let rows = Rows { tracks: &tracks, ..rows };
@@ -323,8 +342,11 @@ fn halves_differ(
     });
     let difference = change * (first.0 - second.0);
     let covariance = change * (first.1 + second.1) * change.transpose();
-    let error = |index: usize| covariance[(index, index)].max(0.0).sqrt();
-    (0..count).map(|index| [difference[index].abs(), error(index)]).collect()
+    let of = |index: usize| HalvesDifference {
+        magnitude: difference[index].abs(),
+        std_error: covariance[(index, index)].max(0.0).sqrt(),
+    };
+    (0..count).map(of).collect()
 }
 
 /// Returns every other run, and the rest. Of a single run, returns the rows before and after the middle of the log; the
@@ -334,7 +356,7 @@ fn halves(tracks: &[Track]) -> [Vec<Track>; 2] {
         let mut runs: Vec<usize> = tracks.iter().map(|track| track.run).collect();
         runs.dedup();
         let is_second =
-            |track: &&Track| runs.iter().position(|run| *run == track.run).unwrap_or(0) % 2 == 1;
+            |track: &&Track| runs.iter().take_while(|run| **run != track.run).count() % 2 == 1;
         let (second, first) = tracks.iter().partition::<Vec<_>, _>(is_second);
         return [first, second].map(|half| half.into_iter().cloned().collect());
     }

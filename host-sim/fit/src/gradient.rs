@@ -54,8 +54,17 @@ pub struct Simulation<'a> {
     pub at: TorqueAt,
 }
 
-/// One row: its index, torque, Nm, bristle torque, Nm, and derivatives of the torque.
-pub type GradientRow<'a> = (usize, f64, f64, &'a [f64]);
+/// One simulated row.
+pub struct GradientRow<'a> {
+    /// Its index in the track.
+    pub row: usize,
+    /// Torque, Nm.
+    pub torque: f64,
+    /// Bristle torque, Nm.
+    pub bristle: f64,
+    /// Derivatives of the torque.
+    pub gradient: &'a [f64],
+}
 
 /// Returns the number of derivatives of each pass for this number in all.
 fn width(count: usize) -> usize {
@@ -82,14 +91,15 @@ impl Simulation<'_> {
         let mut gradient = vec![0.0; rows * count];
         for from in (0..count).step_by(width) {
             let range = from..(from + width).min(count);
-            let mut store = |(row, torque, bristle, part): GradientRow| {
-                values[row] = (torque, bristle);
-                gradient[row * count..][range.clone()].copy_from_slice(part);
+            let mut store = |part: GradientRow| {
+                values[part.row] = (part.torque, part.bristle);
+                gradient[part.row * count..][range.clone()].copy_from_slice(part.gradient);
             };
             self.pass_of(width, model, held, range.clone(), &mut store);
         }
         for (row, (torque, bristle)) in values.into_iter().enumerate() {
-            sink((row, torque, bristle, &gradient[row * count..][..count]));
+            let gradient = &gradient[row * count..][..count];
+            sink(GradientRow { row, torque, bristle, gradient });
         }
     }
 
@@ -119,7 +129,8 @@ impl Simulation<'_> {
         let parameters = model.parameters::<N>(range.clone());
         let held = held.torque(&parameters, self.track);
         let row = |row: usize, torque: Dual<N>, bristle: Dual<N>| {
-            sink((row, torque.value, bristle.value, &torque.gradient[..range.len()]));
+            let gradient = &torque.gradient[..range.len()];
+            sink(GradientRow { row, torque: torque.value, bristle: bristle.value, gradient });
             true
         };
         match self.at {
@@ -184,9 +195,7 @@ mod tests {
         let at = TorqueAt::Channel;
         let simulation = Simulation { track: &track, resolution: Resolution::PLAIN, at };
         let mut rows = Vec::new();
-        simulation.run(&law, &Sliding, |(_, torque, _, gradient)| {
-            rows.push((torque, gradient.to_vec()));
-        });
+        simulation.run(&law, &Sliding, |row| rows.push((row.torque, row.gradient.to_vec())));
         let whole = law.parameters::<20>(0..law.count());
         simulate(&whole, &track, None, Resolution::PLAIN, |row, torque, _| {
             assert!((torque.value - rows[row].0).abs() < 1e-12);

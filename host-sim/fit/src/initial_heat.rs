@@ -28,8 +28,7 @@ fn stretch(track: &Track) -> Stretch {
     let rows = track.samples.iter().zip(&track.torque).enumerate();
     let energy_j: f64 = rows
         .map(|(row, (sample, torque))| {
-            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-            torque * sample.velocity_rad_s * track.period_s * ratio
+            torque * sample.velocity_rad_s * track.period_s * track.period_ratio_of(row)
         })
         .sum();
     Stretch { begin_s, end_s, energy_j: energy_j.max(0.0) }

@@ -89,9 +89,9 @@ pub use treatment::{Treatment, treatment_of, typical_value};
 
 // A model along rows, with derivatives, and its errors.
 pub use dual::Dual;
-pub use gradient::{Differentiable, Simulation, TorqueAt};
+pub use gradient::{Differentiable, GradientRow, Simulation, TorqueAt};
 pub use initial_state::initial_state;
-pub use metrics::Metrics;
+pub use metrics::{Metrics, WeighedRow};
 pub use predict::{Predicted, predict};
 pub use simulate::{Resolution, simulate};
 pub use statistics::autocorrelation_time;

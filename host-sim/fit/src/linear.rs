@@ -14,7 +14,7 @@ mod motion;
 mod operator;
 
 pub use factor::{Factor, Inputs, Regressor, heat, mean_growth};
-pub use motion::Motion;
+pub use motion::{Motion, has_campaign_clock};
 pub use operator::{later, play, stop};
 
 use crate::measurement::Measurement;
@@ -118,14 +118,35 @@ impl LinearModel {
             linear: Option<LinearModel>,
         }
         let file: File = toml_edit::de::from_str(text).map_err(ParameterFileErrorKind::Linear)?;
+        file.linear.iter().try_for_each(Self::check)?;
         Ok(file.linear)
+    }
+
+    /// Refuses numbers that no fit gives.
+    fn check(&self) -> Result<(), ParameterFileErrorKind> {
+        let of_level = self.level.iter().map(|term| ("linear.level", term));
+        for (name, term) in of_level.chain(self.terms.iter().map(|term| ("linear.term", term))) {
+            let refuse = |key: &str, expected: &str| {
+                Err(ParameterFileErrorKind::value(
+                    format!("{name}.{key} of {}", term.part),
+                    expected,
+                ))
+            };
+            if !term.size.is_finite() {
+                return refuse("size", "a finite number");
+            }
+            if !term.factors.factors.iter().all(Factor::is_legal) {
+                return refuse("factors", "scales above 0 and curves of degree 1 to 3");
+            }
+        }
+        Ok(())
     }
 }
 
 /// Returns a factor as an inline table.
 fn inline(factor: &Factor) -> String {
     let value = factor.serialize(toml_edit::ser::ValueSerializer::new());
-    value.map_or_else(|_| String::new(), |value| value.to_string())
+    value.expect("a factor that is transferable").to_string()
 }
 
 fn sum(terms: &[LinearTerm], inputs: &Inputs) -> Vec<f64> {
@@ -181,7 +202,21 @@ mod tests {
         assert_eq!(LinearModel::parse(&text).unwrap(), Some(model()));
         assert_eq!(LinearModel::parse("schema = 1").unwrap(), None);
         assert_eq!(model().name(), "maxwell-slip+pressure-coulomb+warm-up");
-        assert!(LinearModel::parse(&text.replace("travel", "way")).is_err());
+        for (from, to) in
+            [("travel", "way"), ("size = 1.5", "size = nan"), ("spread = 100000.0", "spread = 0")]
+        {
+            assert!(
+                text.contains(from) && LinearModel::parse(&text.replace(from, to)).is_err(),
+                "{to}"
+            );
+        }
+        let curve = |degree: u8| {
+            let factor = format!("{{ kind = \"curve\", degree = {degree}, from = 0, to = 1 }}");
+            LinearModel::parse(&format!(
+                "[[linear.term]]\npart = \"a\"\nsize = 1\nfactors = [{factor}]"
+            ))
+        };
+        assert!(curve(3).is_ok() && curve(0).is_err() && curve(4).is_err());
     }
 
     #[test]

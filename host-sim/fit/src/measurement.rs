@@ -86,6 +86,12 @@ impl Measurement {
         torque
     }
 
+    /// Returns the channels of which the torque has a share and that a log lacks.
+    pub fn missing_columns<'a>(&'a self, data: &'a Dataset) -> impl Iterator<Item = &'a str> {
+        let columns = self.channel_gains.iter().map(|share| share.column.as_str());
+        columns.filter(|name| long(data, name).is_none())
+    }
+
     /// Returns the shares of other channels in all rows. A channel that the log lacks has none.
     fn shares(&self, data: &Dataset) -> Vec<f64> {
         let mut shares = vec![0.0; data.runs.iter().map(|run| run.len()).sum()];
@@ -184,6 +190,9 @@ impl Measurement {
             torque_low_pass.time_s = 1.0 / (TAU * hz);
         }
         if let Some(item) = table.get("torque_lowpass_shape") {
+            if torque_low_pass.time_s == 0.0 {
+                return Err(Kind::value(full("torque_lowpass_hz"), "a finite number"));
+            }
             let shape = item.as_str().and_then(LowPassShape::parse);
             torque_low_pass.shape = shape.ok_or_else(|| {
                 let known = LowPassShape::ALL.map(LowPassShape::name).join(", ");
@@ -213,21 +222,29 @@ impl Measurement {
     }
 }
 
+/// Parses the shares of other channels. Each channel has a gain and a mean.
 fn channel_gains(table: &dyn TableLike, section: &str) -> Result<Vec<ChannelGain>, Kind> {
-    let entries = |key: &'static str| -> Result<Vec<(String, f64)>, Kind> {
-        let Some(item) = table.get(key) else { return Ok(Vec::new()) };
-        let wrong = || Kind::value(format!("{section}.{key}"), "a table");
-        let entry = |(name, item): (&str, &Item)| {
-            Ok((name.to_owned(), finite(item, || format!("{section}.{key}.{name}"))?))
-        };
-        item.as_table_like().ok_or_else(wrong)?.iter().map(entry).collect()
+    let tables = ["channel_gains", "channel_means"].map(|key| {
+        let Some(item) = table.get(key) else { return Ok(None) };
+        item.as_table_like()
+            .map(Some)
+            .ok_or_else(|| Kind::value(format!("{section}.{key}"), "a table"))
+    });
+    let [gains, means] = tables;
+    let (gains, means) = (gains?, means?);
+    let number = |table: Option<&dyn TableLike>, key: &str, column: &str| {
+        let found = table.and_then(|table| table.get(column)).and_then(number);
+        found.ok_or_else(|| Kind::value(format!("{section}.{key}.{column}"), "a finite number"))
     };
-    let means = entries("channel_means")?;
-    let of = |(column, gain): (String, f64)| {
-        let mean = means.iter().find(|(name, _)| *name == column).map_or(0.0, |(_, mean)| *mean);
-        ChannelGain { column, gain, mean }
-    };
-    Ok(entries("channel_gains")?.into_iter().map(of).collect())
+    let mut shares: Vec<ChannelGain> = Vec::new();
+    for (column, _) in [gains, means].into_iter().flatten().flat_map(TableLike::iter) {
+        if shares.iter().all(|share| share.column != column) {
+            let gain = number(gains, "channel_gains", column)?;
+            let mean = number(means, "channel_means", column)?;
+            shares.push(ChannelGain { column: column.to_owned(), gain, mean });
+        }
+    }
+    Ok(shares)
 }
 
 /// Returns a finite number. `key` names the value in an error.
@@ -271,10 +288,13 @@ mod tests {
         for (line, key) in [
             ("torque_sign = 2", "torque_sign"),
             ("torque_lowpass_hz = -1", "torque_lowpass_hz"),
-            ("torque_lowpass_shape = \"box\"", "torque_lowpass_shape"),
+            ("torque_lowpass_hz = 5\ntorque_lowpass_shape = \"box\"", "torque_lowpass_shape"),
+            ("torque_lowpass_shape = \"first-order\"", "torque_lowpass_hz"),
             ("torque_delay_ms = 2", "torque_delay_ms"),
             ("motion = \"raw\"", "motion: found \"raw\","),
             ("channel_gains = { a = \"x\" }", "channel_gains.a"),
+            ("channel_gains = { a = 1 }", "channel_means.a"),
+            ("channel_means = { a = 1 }", "channel_gains.a"),
         ] {
             let error = parse(&format!("[measurement]\n{line}\n")).unwrap_err().to_string();
             assert!(error.contains(&format!("measurement.{key}")), "{error}");

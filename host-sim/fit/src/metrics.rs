@@ -21,13 +21,24 @@ pub struct Metrics {
     pub rows: usize,
 }
 
+/// Measured and simulated value of a row.
+#[derive(Clone, Copy, Debug)]
+pub struct WeighedRow {
+    /// Measured value.
+    pub measured: f64,
+    /// Simulated value.
+    pub simulated: f64,
+    /// Weight of its squared error, 0 to 1.
+    pub weight: f64,
+}
+
 impl Metrics {
-    /// Computes the metrics of rows `(measured, simulated, weight)`. Without rows, all metrics are 0. A spread of 0 is replaced
+    /// Computes the metrics of rows. Without rows, all metrics are 0. A spread of 0 is replaced
     /// by the smallest positive number, so that the ratios stay finite.
-    pub fn of(weighed: impl Iterator<Item = (f64, f64, f64)>) -> Self {
+    pub fn of(weighed: impl Iterator<Item = WeighedRow>) -> Self {
         let (mut rows, mut weights, mut sse, mut sum, mut squares) = (0usize, 0.0, 0.0, 0.0, 0.0);
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (measured, simulated, weight) in weighed {
+        for WeighedRow { measured, simulated, weight } in weighed {
             let error = measured - simulated;
             rows += 1;
             weights += weight;
@@ -59,10 +70,15 @@ impl Metrics {
 mod tests {
     use super::*;
 
+    /// Returns the metrics of measured and simulated values with weights.
+    fn of<const ROWS: usize>(rows: [(f64, f64, f64); ROWS]) -> Metrics {
+        let row = |(measured, simulated, weight)| WeighedRow { measured, simulated, weight };
+        Metrics::of(rows.into_iter().map(row))
+    }
+
     #[test]
     fn of_four_rows_matches_definitions() {
-        let pairs = [(1.0, 0.0, 1.0), (3.0, 3.0, 1.0), (-2.0, -1.0, 1.0), (2.0, 2.0, 1.0)];
-        let metrics = Metrics::of(pairs.into_iter());
+        let metrics = of([(1.0, 0.0, 1.0), (3.0, 3.0, 1.0), (-2.0, -1.0, 1.0), (2.0, 2.0, 1.0)]);
         assert_eq!(metrics.sse, 2.0);
         assert_eq!(metrics.rmse, 0.5f64.sqrt());
         assert_eq!(metrics.nrmse_range, 0.5f64.sqrt() / 5.0);
@@ -72,16 +88,16 @@ mod tests {
 
     #[test]
     fn of_row_with_half_weight_counts_half() {
-        let half = Metrics::of([(1.0, 0.0, 1.0), (2.0, 2.0, 0.5)].into_iter());
+        let half = of([(1.0, 0.0, 1.0), (2.0, 2.0, 0.5)]);
         assert!((half.rmse - (1.0f64 / 1.5).sqrt()).abs() < 1e-12);
-        let unweighted = Metrics::of([(1.0, 0.0, 1.0), (9.0, 2.0, 0.0)].into_iter());
+        let unweighted = of([(1.0, 0.0, 1.0), (9.0, 2.0, 0.0)]);
         assert_eq!(unweighted.rmse, 1.0);
     }
 
     #[test]
     fn of_no_rows_and_constant_rows_is_finite() {
         assert_eq!(Metrics::of(std::iter::empty()), Metrics::default());
-        let constant = Metrics::of([(1.0, 0.5, 1.0), (1.0, 0.5, 1.0)].into_iter());
+        let constant = of([(1.0, 0.5, 1.0), (1.0, 0.5, 1.0)]);
         assert!(constant.nrmse_std.is_finite() && constant.nrmse_range.is_finite());
     }
 }

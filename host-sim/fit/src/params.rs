@@ -271,6 +271,24 @@ pub fn emit_network(file: &str, content: &str, text: &mut String) {
     let _ = write!(text, "\n[network]\nfile = {file:?}\ncrc32 = \"{crc32}\"\n");
 }
 
+/// Sections and keys of a file without those of its caller.
+const KNOWN: [&str; 14] = [
+    "schema",
+    "joint",
+    "model",
+    "parameters",
+    "rigid_body",
+    "envelope",
+    "choices",
+    "compensator",
+    "fit",
+    "log_means",
+    "network",
+    Measurement::OF_FILE,
+    Measurement::OF_DRIVER,
+    "linear",
+];
+
 fn understand(
     text: &str,
     sections: &[Section],
@@ -278,39 +296,58 @@ fn understand(
 ) -> Result<ParameterFile, Kind> {
     let document = Document::parse(text).map_err(Kind::Syntax)?;
     let root = document.as_table();
-    const KNOWN: [&str; 14] = [
-        "schema",
-        "joint",
-        "model",
-        "parameters",
-        "rigid_body",
-        "envelope",
-        "choices",
-        "compensator",
-        "fit",
-        "log_means",
-        "network",
-        Measurement::OF_FILE,
-        Measurement::OF_DRIVER,
-        "linear",
-    ];
     let known: Vec<&str> = KNOWN.into_iter().chain(sections.iter().map(|more| more.name)).collect();
     if let Some((key, _)) = root.iter().find(|(key, _)| !known.contains(key)) {
         return Err(Kind::UnknownSection { key: key.to_owned(), expected: known });
     }
-    match root.get("schema").and_then(Item::as_integer) {
-        Some(1) => {}
-        found => return Err(Kind::found("schema", format!("{found:?}"), "1")),
-    }
-    let joint = match string(root, "joint")?.as_str() {
-        "revolute" => JointKind::Revolute,
-        "prismatic" => JointKind::Prismatic,
-        other => {
-            return Err(Kind::found("joint", format!("{other:?}"), "revolute or prismatic"));
-        }
-    };
+    let joint = joint(root)?;
     let spec = Spec::parse(&string(root, "model")?)?;
     let mut parameters = spec.parameters()?;
+    set_parameters(root, joint, &spec, &mut parameters)?;
+    let mut envelope = parameters.envelope.to_array();
+    fields(root, "envelope", &Envelope::NAMES, &mut envelope)?;
+    parameters.envelope = Envelope::from_array(envelope);
+    set_choices(root, &mut parameters.choices)?;
+    let compensator = CompensatorSection::parse(root)?;
+    parameters.validate()?;
+    let further = |section: &Section| {
+        let mut values = vec![f32::NAN; section.fields.len()];
+        fields(root, section.name, section.fields, &mut values).map(|()| values)
+    };
+    Ok(ParameterFile {
+        joint,
+        parameters,
+        compensator,
+        sections: sections.iter().map(further).collect::<Result<_, _>>()?,
+        fit: FitRecord::parse(root, joint)?,
+        network: network(root, &spec, folder)?,
+        measurement: Measurement::parse(root, Measurement::OF_FILE)?.unwrap_or_default(),
+        driver_measurement: Measurement::parse(root, Measurement::OF_DRIVER)?,
+        linear: LinearModel::parse(text)?,
+        spec,
+    })
+}
+
+/// Returns the kind of the joint, if the file has the schema of this program.
+fn joint(root: &toml_edit::Table) -> Result<JointKind, Kind> {
+    let schema = root.get("schema").ok_or_else(|| Kind::value("schema", "1"))?;
+    if schema.as_integer() != Some(1) {
+        return Err(Kind::found("schema", schema.to_string().trim(), "1"));
+    }
+    match string(root, "joint")?.as_str() {
+        "revolute" => Ok(JointKind::Revolute),
+        "prismatic" => Ok(JointKind::Prismatic),
+        other => Err(Kind::found("joint", format!("{other:?}"), "revolute or prismatic")),
+    }
+}
+
+/// Sets the parameters of the model to those of the file.
+fn set_parameters(
+    root: &toml_edit::Table,
+    joint: JointKind,
+    spec: &Spec,
+    parameters: &mut Parameters<f64>,
+) -> Result<(), Kind> {
     let active: Vec<ParameterId> = parameters.active().collect();
     // The first form of the file had all of them in one section.
     let others: Vec<ParameterId> =
@@ -328,46 +365,24 @@ fn understand(
             parameters.set(id, value(&format!("{name}.{key}"), item, unit(id, joint))?);
         }
     }
-    let mut envelope = parameters.envelope.to_array();
-    fields(root, "envelope", &Envelope::NAMES, &mut envelope)?;
-    parameters.envelope = Envelope::from_array(envelope);
+    Ok(())
+}
+
+fn set_choices(root: &toml_edit::Table, choices: &mut Choices) -> Result<(), Kind> {
     for (key, item) in section(root, "choices")? {
-        let chosen =
-            item.as_bool().ok_or_else(|| Kind::value(format!("choices.{key}"), "true or false"))?;
-        match key {
-            "damping_fades" => parameters.choices.damping_fades = chosen,
-            "printed_extended" => parameters.choices.printed_extended = chosen,
-            "allow_active" => parameters.choices.allow_active = chosen,
+        let choice = match key {
+            "damping_fades" => &mut choices.damping_fades,
+            "printed_extended" => &mut choices.printed_extended,
+            "allow_active" => &mut choices.allow_active,
             _ => {
                 let known = "damping_fades, printed_extended, allow_active";
                 return Err(Kind::unknown(format!("choices.{key}"), known));
             }
-        }
+        };
+        *choice =
+            item.as_bool().ok_or_else(|| Kind::value(format!("choices.{key}"), "true or false"))?;
     }
-    let compensator = CompensatorSection::parse(root)?;
-    parameters.validate()?;
-    let further = |section: &Section| {
-        let mut values = vec![f32::NAN; section.fields.len()];
-        fields(root, section.name, section.fields, &mut values).map(|()| values)
-    };
-    let sections = sections.iter().map(further).collect::<Result<_, _>>()?;
-    let fit = FitRecord::parse(root, joint)?;
-    let network = network(root, &spec, folder)?;
-    let measurement = Measurement::parse(root, Measurement::OF_FILE)?.unwrap_or_default();
-    let driver_measurement = Measurement::parse(root, Measurement::OF_DRIVER)?;
-    let linear = LinearModel::parse(text)?;
-    Ok(ParameterFile {
-        joint,
-        spec,
-        parameters,
-        compensator,
-        fit,
-        network,
-        measurement,
-        driver_measurement,
-        linear,
-        sections,
-    })
+    Ok(())
 }
 
 fn string(root: &toml_edit::Table, key: &str) -> Result<String, Kind> {
@@ -383,14 +398,21 @@ fn section<'a>(root: &'a toml_edit::Table, name: &str) -> Result<Entries<'a>, Ki
     Ok(table.iter().collect())
 }
 
+/// Keys of a parameter. Standard error and state are information for people.
+const VALUE_KEYS: [&str; 4] = ["value", "unit", "std_error", "state"];
+
 /// Returns a bare number, or the value of a table whose unit, if given, is correct.
 fn value(key: &str, item: &Item, unit: &str) -> Result<f64, Kind> {
     let expected = || Kind::value(key, format!("a finite number in {unit}"));
     let Some(table) = item.as_table_like() else { return number(item).ok_or_else(expected) };
-    if let Some(found) = table.get("unit").and_then(Item::as_str)
-        && found != unit
+    if let Some((other, _)) = table.iter().find(|(other, _)| !VALUE_KEYS.contains(other)) {
+        return Err(Kind::unknown(format!("{key}.{other}"), VALUE_KEYS.join(", ")));
+    }
+    if let Some(found) = table.get("unit")
+        && found.as_str() != Some(unit)
     {
-        return Err(Kind::found(key, format!("unit {found:?}"), format!("{unit:?}")));
+        let found = found.to_string();
+        return Err(Kind::found(key, format!("unit {}", found.trim()), format!("{unit:?}")));
     }
     table.get("value").and_then(number).ok_or_else(expected)
 }

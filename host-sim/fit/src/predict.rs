@@ -1,7 +1,7 @@
 //! Simulation of a fitted model on any rows.
 
 use super::initial_state::initial_state;
-use super::metrics::Metrics;
+use super::metrics::{Metrics, WeighedRow};
 use super::simulate::{Resolution, simulate};
 use super::track::Rows;
 use ParameterId as Id;
@@ -68,7 +68,7 @@ pub fn predict(parameters: &Parameters<f64>, rows: Rows, resolution: Resolution)
 impl Predicted {
     /// Compares torques, track by track at the full rate, with the measured ones.
     pub fn of_torque(rows: Rows, torques: Vec<Vec<f64>>) -> Self {
-        let (mut residuals, mut pairs) = (Vec::new(), Vec::new());
+        let (mut residuals, mut compared_rows) = (Vec::new(), Vec::new());
         for (track, torque) in rows.tracks.iter().zip(&torques) {
             let error = |row: usize| track.weight(row).sqrt() * (track.torque[row] - torque[row]);
             let mut residual: Vec<f64> = (0..track.len()).map(error).collect();
@@ -77,14 +77,19 @@ impl Predicted {
                 let filter = AntiAlias::new(rows.decimate);
                 residual = filter.thin(residual);
                 let measured = filter.thin(track.torque.clone());
-                pairs.extend(measured.iter().zip(&residual).map(|(y, e)| (*y, y - e, 1.0)));
+                let compared = |(y, e): (&f64, &f64)| WeighedRow {
+                    measured: *y,
+                    simulated: y - e,
+                    weight: 1.0,
+                };
+                compared_rows.extend(measured.iter().zip(&residual).map(compared));
             } else {
                 let rows = (0..track.len()).filter(|row| track.is_included(*row));
-                pairs.extend(rows.map(|row| (track.torque[row], torque[row], track.weight(row))));
+                compared_rows.extend(rows.map(|row| track.compared(row, torque[row])));
             }
             residuals.push(residual);
         }
-        let metrics = Metrics::of(pairs.into_iter());
+        let metrics = Metrics::of(compared_rows.into_iter());
         Self { torque: torques, residuals, metrics, saturation: 0.0, presliding: 0.0 }
     }
 }

@@ -19,7 +19,7 @@ use crate::initial_state::initial_state;
 use crate::linear::LinearModel;
 use crate::params::ParameterFile;
 use crate::simulate::simulate;
-use crate::{Metrics, Resolution, Track};
+use crate::{Metrics, Resolution, Track, WeighedRow};
 use compensator_core::{Flags, ModelState, ParameterError, Parameters, Quantity};
 use joint_log::{Dataset, JointKind, Run};
 use std::borrow::Cow;
@@ -84,10 +84,9 @@ impl LogPrediction {
         &'a self,
         data: &'a Dataset,
     ) -> impl Iterator<Item = (&'a str, Metrics)> {
-        data.runs
-            .iter()
-            .zip(&self.runs)
-            .map(|(run, predicted)| (run.name.as_str(), Metrics::of(pairs(run, &predicted.torque))))
+        data.runs.iter().zip(&self.runs).map(|(run, predicted)| {
+            (run.name.as_str(), Metrics::of(compared(run, &predicted.torque)))
+        })
     }
 }
 
@@ -203,7 +202,7 @@ pub fn predict_tracks_by<E>(
 /// Returns the errors over all rows with a prediction.
 fn metrics_of(data: &Dataset, runs: &[RunPrediction]) -> Metrics {
     let all = data.runs.iter().zip(runs);
-    Metrics::of(all.flat_map(|(run, predicted)| pairs(run, &predicted.torque)))
+    Metrics::of(all.flat_map(|(run, predicted)| compared(run, &predicted.torque)))
 }
 
 fn empty(rows: usize) -> RunPrediction {
@@ -215,11 +214,11 @@ fn empty(rows: usize) -> RunPrediction {
     }
 }
 
-/// Returns measured torque, predicted torque and weight of the rows with a prediction and without a spike.
-fn pairs<'a>(run: &'a Run, predicted: &'a [f64]) -> impl Iterator<Item = (f64, f64, f64)> + 'a {
+/// Returns the rows with a prediction and without a spike.
+fn compared<'a>(run: &'a Run, predicted: &'a [f64]) -> impl Iterator<Item = WeighedRow> + 'a {
     let both = run.torque.iter().zip(predicted).enumerate();
     both.filter(|(row, (_, predicted))| predicted.is_finite() && !run.is_spike(*row))
-        .map(|(_, (measured, predicted))| (*measured, *predicted, 1.0))
+        .map(|(_, (&measured, &simulated))| WeighedRow { measured, simulated, weight: 1.0 })
 }
 
 /// Predicts the torque of a track as the log has it.
@@ -313,8 +312,12 @@ fn remarks(
     runs: &[RunPrediction],
 ) -> Vec<String> {
     let mut remarks = Vec::new();
-    let mut missing: Vec<&str> =
-        linear.map(|linear| linear.missing_columns(data)).unwrap_or_default();
+    let measurement =
+        if linear.is_some() { &file.measurement } else { file.measurement_of_driver() };
+    let mut missing = linear.map_or_else(Vec::new, |linear| linear.missing_columns(data));
+    missing.extend(measurement.missing_columns(data));
+    missing.sort_unstable();
+    missing.dedup();
     for (_, quantity) in file.spec.needs() {
         let name = quantity.name(data.joint);
         let is_absent = data.runs.iter().all(|run| run.get(quantity).is_none());

@@ -4,7 +4,7 @@
 //! ([`super::streaming_qr`]), so that the tall Jacobian is never stored.
 
 use super::coordinates::Coordinates;
-use super::gradient::{Differentiable, Held, Simulation, TorqueAt};
+use super::gradient::{Differentiable, GradientRow, Held, Simulation, TorqueAt};
 use super::initial_state::{InitialState, initial_state};
 use super::simulate::Resolution;
 use super::streaming_qr::{Reduced, StreamingQr};
@@ -46,9 +46,9 @@ pub fn reduce(
 }
 
 /// A model at a point of its coordinates.
-struct AtPoint<'a> {
-    coordinates: &'a Coordinates,
-    point: &'a [f64],
+pub(super) struct AtPoint<'a> {
+    pub coordinates: &'a Coordinates,
+    pub point: &'a [f64],
 }
 
 impl Differentiable for AtPoint<'_> {
@@ -83,7 +83,7 @@ fn every_row(simulation: &Simulation, model: &AtPoint, start: Option<InitialStat
     let mut first = StreamingQr::new(count + 1);
     let memory = start.as_ref().map_or(&[] as &[f64], |start| &start.memory);
     let mut derivative = vec![0.0; count];
-    simulation.run(model, &start, |(row, torque, _, gradient)| {
+    simulation.run(model, &start, |GradientRow { row, torque, gradient, .. }| {
         if !track.is_included(row) {
             return;
         }
@@ -108,7 +108,7 @@ fn decimated(
 ) -> StreamingQr {
     let (track, count) = (simulation.track, model.count());
     let mut columns = vec![Vec::with_capacity(track.len()); count + 1];
-    simulation.run(model, held, |(row, torque, _, gradient)| {
+    simulation.run(model, held, |GradientRow { row, torque, gradient, .. }| {
         let root_weight = track.weight(row).sqrt();
         for (column, g) in columns[..count].iter_mut().zip(gradient) {
             column.push(-g * root_weight);

@@ -31,7 +31,7 @@ pub struct Scales {
     pub noise: f64,
     /// Error of the prior at one width, Nm. It is the noise until the residual of a model is known ([`Scales::beside`]).
     pub observation: f64,
-    /// Median sample period, s.
+    /// Median sample period of the first track, s.
     pub period_s: f64,
 }
 

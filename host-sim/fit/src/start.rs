@@ -28,6 +28,12 @@ const TRIAL_ROWS: usize = 8000;
 /// Length of the parts of the log that these rows come from, rows.
 const TRIAL_PART: usize = 2000;
 
+/// Speed from which a joint slides, as a share of the usual high speed.
+const MIN_SLIDING_SHARE: f64 = 0.02;
+
+/// Least Coulomb level of a start, as a share of the RMS torque.
+const MIN_COULOMB_SHARE: f64 = 0.05;
+
 /// Stop criteria of a trial fit, which only has to distinguish local minima.
 const TRIAL: StopCriteria = StopCriteria { patience: 3, tolerance: 30.0, stagnation: 0.01 };
 
@@ -74,7 +80,7 @@ fn set_linear_parts(
     let mut row = vec![0.0; count];
     for track in tracks {
         for (sample, torque) in track.samples.iter().zip(&track.torque) {
-            if sample.velocity_rad_s.abs() < 0.02 * scales.speed {
+            if sample.velocity_rad_s.abs() < MIN_SLIDING_SHARE * scales.speed {
                 continue;
             }
             row.iter_mut().zip(&parts).for_each(|(value, (_, part))| *value = part(sample));
@@ -114,62 +120,31 @@ pub fn candidates(
     resolution: Resolution,
     count: usize,
 ) -> Vec<Parameters<f64>> {
-    let mut first = base.clone();
-    first.set(Id::TemperatureReference, scales.temperature_c);
-    first.set(Id::DriftTime, (scales.campaign_s / 3.0).max(1.0));
-    set_linear_parts(spec, &mut first, rows.tracks, scales);
-    let coulomb = first.get(Id::CoulombTorque).max(0.05 * scales.torque);
-    first.set(Id::CoulombTorque, coulomb);
-    first.set(Id::CoulombTorqueNegative, coulomb);
-    for id in ParameterId::ALL {
-        // Fixed parameters keep the value from the caller.
-        if !free.contains(id) && base.active().any(|active| active == *id) {
-            let temperature = *id == Id::TemperatureReference;
-            first.set(*id, if temperature { scales.temperature_c } else { base.get(*id) });
-        }
-    }
-    let grid = grid(spec, free, &first, coulomb, scales);
+    let first = first_point(spec, base, free, rows.tracks, scales);
+    let grid = grid(spec, free, &first, scales);
     if grid.len() == 1 {
         return grid;
     }
     let trial = trial_tracks(rows.tracks);
     let trial = Rows { tracks: &trial, decimate: 1 };
-    let cost = |start: &Parameters<f64>| -> f64 {
-        let errors = trial.tracks.iter().map(|track| {
-            let mut simulated = Vec::with_capacity(track.len());
-            let held = initial_state(start, track, resolution).map(|state| state.held);
-            simulate(start, track, held, resolution, |_, torque, _| {
-                simulated.push(torque);
-                true
-            });
-            Metrics::of(
-                simulated
-                    .into_iter()
-                    .enumerate()
-                    .map(|(row, torque)| (track.torque[row], torque, track.weight(row))),
-            )
-            .sse
-        });
-        errors.sum()
-    };
-    let mut evaluated: Vec<_> = grid.into_par_iter().map(|start| (cost(&start), start)).collect();
+    let error = |start: &Parameters<f64>| trial_error(start, trial.tracks, resolution);
+    let mut evaluated: Vec<_> = grid.into_par_iter().map(|start| (error(&start), start)).collect();
     evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
     let scales = &match evaluated.first() {
         Some((_, best)) => scales.beside(best, trial, resolution),
         None => *scales,
     };
     evaluated.truncate(2 * count.max(1));
-    let mut improved: Vec<TrialFit> = evaluated
-        .into_par_iter()
-        .map(|(_, start)| {
-            let coordinates = Coordinates::new(&start, free, scales);
-            let from = coordinates.point(&start);
-            let at_start = reduce(&coordinates, &from, trial, resolution);
-            let Minimum { point, reduced, .. } =
-                minimise_from(&coordinates, &from, at_start, trial, resolution, TRIAL);
-            TrialFit { coordinates, point, reduced }
-        })
-        .collect();
+    let improve = |start: &Parameters<f64>| {
+        let coordinates = Coordinates::new(start, free, scales);
+        let from = coordinates.point(start);
+        let at_start = reduce(&coordinates, &from, trial, resolution);
+        let Minimum { point, reduced, .. } =
+            minimise_from(&coordinates, &from, at_start, trial, resolution, TRIAL);
+        TrialFit { coordinates, point, reduced }
+    };
+    let mut improved: Vec<TrialFit> =
+        evaluated.into_par_iter().map(|(_, start)| improve(&start)).collect();
     improved.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
     let mut kept: Vec<TrialFit> = Vec::new();
     for fit in improved {
@@ -182,6 +157,42 @@ pub fn candidates(
         coordinates.parameters::<f64>(&minimum.point)
     });
     polished.collect()
+}
+
+/// Returns the point around which the grid lies: linear parts by least squares, fixed parameters with the caller's values.
+fn first_point(
+    spec: &Spec,
+    base: &Parameters<f64>,
+    free: &[ParameterId],
+    tracks: &[Track],
+    scales: &Scales,
+) -> Parameters<f64> {
+    let mut first = base.clone();
+    first.set(Id::DriftTime, (scales.campaign_s / 3.0).max(1.0));
+    set_linear_parts(spec, &mut first, tracks, scales);
+    let coulomb = first.get(Id::CoulombTorque).max(MIN_COULOMB_SHARE * scales.torque);
+    first.set(Id::CoulombTorque, coulomb);
+    first.set(Id::CoulombTorqueNegative, coulomb);
+    for id in base.active().filter(|id| !free.contains(id)) {
+        first.set(id, base.get(id));
+    }
+    // The reference of a fit is the mean of its log.
+    first.set(Id::TemperatureReference, scales.temperature_c);
+    first
+}
+
+/// Returns the squared error of a start on the trial rows.
+fn trial_error(start: &Parameters<f64>, tracks: &[Track], resolution: Resolution) -> f64 {
+    let errors = tracks.iter().map(|track| {
+        let mut rows = Vec::with_capacity(track.len());
+        let held = initial_state(start, track, resolution).map(|state| state.held);
+        simulate(start, track, held, resolution, |row, torque, _| {
+            rows.push(track.compared(row, torque));
+            true
+        });
+        Metrics::of(rows.into_iter()).sse
+    });
+    errors.sum()
 }
 
 /// A start improved on the trial rows.
@@ -220,9 +231,9 @@ fn grid(
     spec: &Spec,
     free: &[ParameterId],
     first: &Parameters<f64>,
-    coulomb: f64,
     scales: &Scales,
 ) -> Vec<Parameters<f64>> {
+    let coulomb = first.get(Id::CoulombTorque);
     let values = |id: Id, wanted: &[f64]| -> Vec<f64> {
         if free.contains(&id) { wanted.to_vec() } else { vec![first.get(id)] }
     };

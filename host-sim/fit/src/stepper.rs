@@ -6,49 +6,35 @@ use super::track::Track;
 use compensator_core::{FrictionModel, LawKind, ModelState, Parameters, Quantity, Real, Sample};
 use std::rc::Rc;
 
-/// The fields of a sample that vary along a track.
+/// The fields of a sample that a stepper writes in each row.
 ///
 /// Writing a dual number copies all its derivatives, and a sample has a dozen fields. A stepper therefore writes only
-/// the fields that vary.
-pub struct Varying {
+/// the fields that vary along the track and that the model may read.
+pub enum Varying {
+    /// The velocity: the model reads no other field.
+    Velocity,
+    /// All fields, which for plain numbers is faster than the checks.
+    All,
+    /// Some fields.
+    Some(VaryingFields),
+}
+
+/// The fields of a sample that vary along a track.
+pub struct VaryingFields {
     quantities: Vec<Quantity>,
-    position_weight: bool,
-    radial_force_change: bool,
-    lookup_weight: bool,
-    /// If true, all fields are written. For plain numbers this is faster than the checks.
-    all: bool,
-    /// If true, the model reads the velocity alone, and no other field is written.
-    velocity_alone: bool,
+    has_position_weight: bool,
+    has_radial_force_change: bool,
+    has_lookup_weight: bool,
 }
 
 impl Varying {
-    /// All fields.
-    pub const ALL: Self = Self {
-        quantities: Vec::new(),
-        position_weight: true,
-        radial_force_change: true,
-        lookup_weight: true,
-        all: true,
-        velocity_alone: false,
-    };
-
-    /// Only the velocity.
-    pub const VELOCITY: Self = Self {
-        quantities: Vec::new(),
-        position_weight: false,
-        radial_force_change: false,
-        lookup_weight: false,
-        all: false,
-        velocity_alone: true,
-    };
-
-    /// Returns the fields that vary along a track and that a model may read, for a simulation in the number type `T`.
+    /// Returns the fields for a simulation in the number type `T`.
     pub fn of<T: Real>(parameters: &Parameters<T>, track: &Track) -> Self {
         if parameters.terms.is_empty() && parameters.law != LawKind::ImprovedLugre {
-            return Self::VELOCITY;
+            return Self::Velocity;
         }
         if size_of::<T>() <= size_of::<f64>() {
-            return Self::ALL;
+            return Self::All;
         }
         let first = &track.samples[0];
         let varies = |of: &dyn Fn(&Sample<f64>) -> Option<f64>| {
@@ -56,16 +42,14 @@ impl Varying {
             track.samples.iter().any(|sample| of(sample) != at_first)
         };
         let quantities = Quantity::ALL.iter().copied();
-        Self {
+        Self::Some(VaryingFields {
             quantities: quantities
                 .filter(|quantity| varies(&|sample| quantity.value_in(sample)))
                 .collect(),
-            position_weight: varies(&|sample| Some(sample.position_weight)),
-            radial_force_change: varies(&|sample| Some(sample.radial_force_change_n)),
-            lookup_weight: varies(&|sample| Some(sample.lookup_weight)),
-            all: false,
-            velocity_alone: false,
-        }
+            has_position_weight: varies(&|sample| Some(sample.position_weight)),
+            has_radial_force_change: varies(&|sample| Some(sample.radial_force_change_n)),
+            has_lookup_weight: varies(&|sample| Some(sample.lookup_weight)),
+        })
     }
 }
 
@@ -97,7 +81,7 @@ pub fn track_rows<'a, T: Real>(
         before,
         sample,
         delayed: delayed.map(|v| [v[index.saturating_sub(1)], v[index]]),
-        ratio: track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[index]),
+        ratio: track.period_ratio_of(index),
     })
 }
 
@@ -185,33 +169,37 @@ impl<T: Real<Setting = T>> Stepper<T> {
         let share = step as f64 / steps;
         let last = step == self.substeps;
         let on_line = |from: f64, to: f64| if last { to } else { from + (to - from) * share };
-        if self.varying.velocity_alone {
-            let velocity = on_line(before.velocity_rad_s, now.velocity_rad_s);
-            self.input.velocity_rad_s = T::from_f64(velocity);
-            return;
-        }
-        if self.varying.all {
-            self.input = Sample {
-                position_weight: T::from_f64(now.position_weight),
-                radial_force_change_n: T::from_f64(now.radial_force_change_n / steps),
-                lookup_weight: T::from_f64(now.lookup_weight),
-                ..before.zip(now, |from, to| T::from_f64(on_line(from, to)))
-            };
-            return;
-        }
-        for quantity in &self.varying.quantities {
-            if let (Some(from), Some(to)) = (quantity.value_in(before), quantity.value_in(now)) {
-                quantity.set_in_sample(&mut self.input, T::from_f64(on_line(from, to)));
+        match &*self.varying {
+            Varying::Velocity => {
+                let velocity = on_line(before.velocity_rad_s, now.velocity_rad_s);
+                self.input.velocity_rad_s = T::from_f64(velocity);
             }
-        }
-        if self.varying.position_weight {
-            self.input.position_weight = T::from_f64(now.position_weight);
-        }
-        if self.varying.radial_force_change {
-            self.input.radial_force_change_n = T::from_f64(now.radial_force_change_n / steps);
-        }
-        if self.varying.lookup_weight {
-            self.input.lookup_weight = T::from_f64(now.lookup_weight);
+            Varying::All => {
+                self.input = Sample {
+                    position_weight: T::from_f64(now.position_weight),
+                    radial_force_change_n: T::from_f64(now.radial_force_change_n / steps),
+                    lookup_weight: T::from_f64(now.lookup_weight),
+                    ..before.zip(now, |from, to| T::from_f64(on_line(from, to)))
+                };
+            }
+            Varying::Some(fields) => {
+                for quantity in &fields.quantities {
+                    let ends = quantity.value_in(before).zip(quantity.value_in(now));
+                    if let Some((from, to)) = ends {
+                        quantity.set_in_sample(&mut self.input, T::from_f64(on_line(from, to)));
+                    }
+                }
+                if fields.has_position_weight {
+                    self.input.position_weight = T::from_f64(now.position_weight);
+                }
+                if fields.has_radial_force_change {
+                    let change = now.radial_force_change_n / steps;
+                    self.input.radial_force_change_n = T::from_f64(change);
+                }
+                if fields.has_lookup_weight {
+                    self.input.lookup_weight = T::from_f64(now.lookup_weight);
+                }
+            }
         }
     }
 }
@@ -223,7 +211,7 @@ impl<T: Real<Setting = T>> Stepper<T> {
 /// between those of the samples (Fritsch and Carlson 1980): a joint at rest does not move before it starts.
 fn curvature(track: &Track, index: usize) -> [f64; 2] {
     let velocity = |row: usize| track.samples[row].velocity_rad_s;
-    let ratio = |row: usize| track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+    let ratio = |row: usize| track.period_ratio_of(row);
     // Change of the velocity up to a row, per median period.
     let slope = |row: usize| (velocity(row) - velocity(row - 1)) / ratio(row);
     if index == 0 {

@@ -4,6 +4,7 @@
 //! sample period and the log's other covariates, one of which a model may use ([`Track::following`]). Each
 //! track has its own initial bristle state. [`super::dataset_tracks`] builds the tracks of a data set.
 
+use super::metrics::WeighedRow;
 use super::torque_low_pass::TorqueLowPass;
 use compensator_core::Sample;
 use std::ops::Range;
@@ -77,28 +78,12 @@ impl Track {
             torque: self.torque[rows.clone()].to_vec(),
             period_s: self.period_s,
             period_ratio: self.period_ratio.as_ref().map(|ratios| ratios[rows.clone()].to_vec()),
-            weights: self.weights.iter().take(rows.end).skip(rows.start).copied().collect(),
-            torque_spikes: self
-                .torque_spikes
-                .iter()
-                .take(rows.end)
-                .skip(rows.start)
-                .copied()
-                .collect(),
+            weights: part_of(&self.weights, &rows),
+            torque_spikes: part_of(&self.torque_spikes, &rows),
             velocity_is_exact: self.velocity_is_exact,
-            covariates: self
-                .covariates
-                .iter()
-                .map(|column| column[rows.clone()].to_vec())
-                .collect(),
+            covariates: row_range(&self.covariates, &rows).into(),
             velocity_draws: row_range(&self.velocity_draws, &rows),
-            motion_error: self
-                .motion_error
-                .iter()
-                .take(rows.end)
-                .skip(rows.start)
-                .copied()
-                .collect(),
+            motion_error: part_of(&self.motion_error, &rows),
             torque_low_pass: self.torque_low_pass,
             earlier_stretches: Arc::clone(&self.earlier_stretches),
         }
@@ -125,6 +110,11 @@ impl Track {
     pub fn weight(&self, row: usize) -> f64 {
         let is_spike = self.torque_spikes.get(row).copied().unwrap_or_default();
         if is_spike { 0.0 } else { self.weight_without_spike(row) }
+    }
+
+    /// Returns a row with a simulated torque, to be compared.
+    pub fn compared(&self, row: usize, simulated: f64) -> WeighedRow {
+        WeighedRow { measured: self.torque[row], simulated, weight: self.weight(row) }
     }
 
     /// Returns the weight that a row would have if its torque were measured.
@@ -174,12 +164,16 @@ impl Track {
         self.scale_weights(|row| f64::from(u8::from(logged_s.contains(&(times[row] + by_s)))));
     }
 
+    /// Returns the ratio of a row's period to the median.
+    pub fn period_ratio_of(&self, row: usize) -> f64 {
+        self.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row])
+    }
+
     /// Returns the time of each row since the first one, s.
-    fn times_s(&self) -> Vec<f64> {
-        let ratio = |row: usize| self.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
+    pub(super) fn times_s(&self) -> Vec<f64> {
         let mut time = 0.0;
         let step = |row: usize| {
-            time += if row > 0 { self.period_s * ratio(row) } else { 0.0 };
+            time += if row > 0 { self.period_s * self.period_ratio_of(row) } else { 0.0 };
             time
         };
         (0..self.len()).map(step).collect()
@@ -214,6 +208,11 @@ pub struct Rows<'a> {
 /// Returns the number of runs that the tracks belong to.
 pub fn run_count(tracks: &[Track]) -> usize {
     tracks.iter().map(|track| track.run).collect::<std::collections::BTreeSet<_>>().len()
+}
+
+/// Returns a range of rows of a column, which may be empty.
+fn part_of<T: Copy>(column: &[T], rows: &Range<usize>) -> Vec<T> {
+    column.get(rows.clone()).unwrap_or_default().to_vec()
 }
 
 /// Returns a range of rows of each column.

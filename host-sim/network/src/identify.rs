@@ -153,12 +153,11 @@ fn train_network<const INPUTS: usize>(
 fn evaluate<const INPUTS: usize>(law: &NetworkLaw<INPUTS>, tracks: &[Track]) -> (Metrics, f64) {
     let runs: Vec<_> = tracks.iter().map(|track| predict(law, track)).collect();
     let rows = || tracks.iter().zip(&runs);
-    let pairs = rows().flat_map(|(track, run)| {
-        let weights = (0..track.len()).map(|row| track.weight(row));
-        let both = track.torque.iter().zip(&run.torque);
-        both.zip(weights).map(|((measured, simulated), weight)| (*measured, *simulated, weight))
+    let compared = rows().flat_map(|(track, run)| {
+        let included = (0..track.len()).filter(|row| track.is_included(*row));
+        included.map(|row| track.compared(row, run.torque[row]))
     });
-    let metrics = Metrics::of(pairs.filter(|(.., weight)| *weight > 0.0));
+    let metrics = Metrics::of(compared);
     let outside = runs.iter().flat_map(|run| &run.is_outside).filter(|outside| **outside).count();
     let count: usize = tracks.iter().map(Track::len).sum();
     (metrics, outside as f64 / count.max(1) as f64)

@@ -61,8 +61,7 @@ fn stroke(context: &FitContext) -> f64 {
     for track in &context.log.train_tracks {
         let mut way = 0.0f64;
         for (row, sample) in track.samples.iter().enumerate() {
-            let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-            let step = sample.velocity_rad_s * track.period_s * ratio;
+            let step = sample.velocity_rad_s * track.period_s * track.period_ratio_of(row);
             if step * way < 0.0 {
                 strokes.push(way.abs());
                 way = 0.0;

@@ -130,8 +130,7 @@ impl Default for Memory {
 impl Memory {
     fn advance(&mut self, track: &Track, row: usize, slowest: f64) {
         let velocity = track.samples[row].velocity_rad_s;
-        let ratio = track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]);
-        let step_s = track.period_s * ratio;
+        let step_s = track.period_s * track.period_ratio_of(row);
         self.since_start_s += step_s;
         self.since_reversal_s += step_s;
         if velocity.abs() <= slowest {

@@ -30,6 +30,22 @@ fn fitted(model: &str, torque: impl Fn(usize, &Sample<f64>) -> f64) -> Outcome {
     identify(&spec, &base, rows, rows, &FitOptions::default())
 }
 
+#[test]
+fn identify_with_more_than_40_free_parameters_returns_an_estimate_of_each() {
+    let samples: Vec<_> = (0..200).map(sample).collect();
+    let torques = samples.iter().map(|sample| sample.velocity_rad_s.signum()).collect();
+    let tracks = [Track::even(samples, torques, 0.01)];
+    let rows = Rows { tracks: &tracks, decimate: 1 };
+    let terms = "unknown+torque-ripple+position-ripple+warm-up+time-drift+dwell-time-static";
+    let spec =
+        Spec::parse(&format!("lugre-asymmetric+{terms}+direction-asymmetry")).expect("a model");
+    let base = spec.parameters().expect("parameters");
+    let options = FitOptions { starts: 1, patience: 1, ..FitOptions::default() };
+    let outcome = identify(&spec, &base, rows, rows, &options);
+    let free = outcome.estimates.iter().filter(|estimate| estimate.std_error.is_some());
+    assert!(free.count() > 40);
+}
+
 fn result(outcome: &Outcome, id: Id) -> (State, Option<Reason>) {
     let estimate = outcome.estimates.iter().find(|estimate| estimate.id == id);
     estimate.map(|estimate| (estimate.state, estimate.reason)).expect("a parameter of the model")

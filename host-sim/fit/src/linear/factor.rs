@@ -14,6 +14,9 @@ use std::borrow::Cow;
 /// Dwell time below which the static friction does not grow, s.
 const DWELL_START_S: f64 = 0.02;
 
+/// Place, from -1 to 1 between the ends of a curve, beyond which the curve is constant: a cubic would soon be large there.
+const MOST_BEYOND: f64 = 1.2;
+
 /// A function of each row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
@@ -39,7 +42,7 @@ pub enum Factor {
     Sine { order: f64 },
     /// Its cosine.
     Cosine { order: f64 },
-    /// Legendre polynomial of the place between two positions.
+    /// Legendre polynomial, of degree 1 to 3, of the place between two positions; constant from a tenth of the range beyond them.
     Curve { degree: u8, from: f64, to: f64 },
     /// A column less its mean, over its spread, both where it was fitted; `late_s` after the motion. Units are the column's.
     Column { name: String, mean: f64, spread: f64, late_s: f64 },
@@ -106,6 +109,21 @@ impl Factor {
         !matches!(self, Self::SineByRun { .. } | Self::CosineByRun { .. })
     }
 
+    /// Returns false if it divides by a constant that is not positive, or is a curve of another degree than 1 to 3.
+    pub(super) fn is_legal(&self) -> bool {
+        match self {
+            Self::Stop { travel } | Self::StopBehindGap { travel, .. } => *travel > 0.0,
+            Self::Falling { velocity } => *velocity > 0.0,
+            Self::Curve { degree, .. } => (1..=3).contains(degree),
+            Self::Column { spread, .. } => *spread > 0.0,
+            Self::BendingRate { spread, travel, .. } => *spread > 0.0 && *travel > 0.0,
+            Self::Dwell { path, .. } => *path > 0.0,
+            Self::RunIn { constant, .. } => *constant > 0.0,
+            Self::Warmth { scale, cooling_s } => *scale > 0.0 && *cooling_s > 0.0,
+            _ => true,
+        }
+    }
+
     /// Returns its values; `None` if the log lacks its column.
     fn values<'a>(&self, inputs: &Inputs<'a>) -> Option<Cow<'a, [f64]>> {
         let motion = inputs.motion;
@@ -130,9 +148,8 @@ impl Factor {
             Self::Cosine { order } => map(&|row| (order * position[row]).cos()),
             Self::Curve { degree, from, to } => {
                 let half = (0.5 * (to - from)).max(1e-12);
-                map(&|row| {
-                    legendre(*degree, ((position[row] - from) / half - 1.0).clamp(-1.2, 1.2))
-                })
+                let place = |row: usize| (position[row] - from) / half - 1.0;
+                map(&|row| legendre(*degree, place(row).clamp(-MOST_BEYOND, MOST_BEYOND)))
             }
             Self::Column { name, mean, spread, late_s } => {
                 let values = (inputs.column)(name)?;
@@ -159,7 +176,7 @@ impl Factor {
             Self::Level => Cow::Borrowed(inputs.level),
             Self::LevelMagnitude => map(&|row| inputs.level[row].abs()),
             Self::Dwell { step, path, mean } => {
-                let (growth, fading) = dwell(motion, *step, *path);
+                let Breakaway { growth, fading } = breakaway(motion, *step, *path);
                 map(&|row| (growth[row] - mean) * fading[row])
             }
             Self::Passed { from_s, to_s } => map(&|row| passed(motion.time_s[row], *from_s, *to_s)),
@@ -180,12 +197,13 @@ impl Factor {
     }
 }
 
-/// Returns a Legendre polynomial of degree 1 to 3: they are nearly independent over the travel.
+/// Returns a Legendre polynomial of degree 1 to 3, which are nearly independent over the travel; NaN for another degree.
 fn legendre(degree: u8, x: f64) -> f64 {
     match degree {
         1 => x,
         2 => 1.5 * x * x - 0.5,
-        _ => 2.5 * x.powi(3) - 1.5 * x,
+        3 => 2.5 * x.powi(3) - 1.5 * x,
+        _ => f64::NAN,
     }
 }
 
@@ -204,37 +222,46 @@ fn by_run(motion: &Motion, phases: &[f64], of: impl Fn(f64, f64) -> f64) -> Vec<
     out
 }
 
-/// Returns how far the last rest lets the breakaway grow, and what of it is left after a path.
-fn dwell(motion: &Motion, step: f64, path: f64) -> (Vec<f64>, Vec<f64>) {
+/// What a rest does to the breakaway after it, in all rows.
+struct Breakaway {
+    /// Growth with the time of the last rest.
+    growth: Vec<f64>,
+    /// What is left of it after the path since then, 0 to 1.
+    fading: Vec<f64>,
+}
+
+fn breakaway(motion: &Motion, step: f64, path: f64) -> Breakaway {
     let found = rests(&motion.position, &motion.time_s, &motion.runs, step);
-    let growth = found.dwell_s.iter().map(|dwell| (dwell / DWELL_START_S).ln_1p()).collect();
-    (growth, found.path.iter().map(|since| (-since / path).exp()).collect())
+    Breakaway {
+        growth: found.dwell_s.iter().map(|dwell| (dwell / DWELL_START_S).ln_1p()).collect(),
+        fading: found.path.iter().map(|since| (-since / path).exp()).collect(),
+    }
 }
 
 /// Returns the mean growth of the breakaway: a shape of the breakaway, and no effect of the time.
 pub fn mean_growth(motion: &Motion, step: f64, path: f64) -> f64 {
-    let (growth, fading) = dwell(motion, step, path);
-    let sums = growth.iter().zip(&fading).fold((0.0, 1e-12), |(sum, count), (growth, fading)| {
-        (sum + growth * fading, count + fading)
-    });
-    sums.0 / sums.1
+    let Breakaway { growth, fading } = breakaway(motion, step, path);
+    let sum: f64 =
+        growth.iter().zip(&fading).fold(0.0, |sum, (growth, fading)| sum + growth * fading);
+    sum / fading.iter().fold(1e-12, |count, fading| count + fading)
 }
 
 /// Returns the heat of rubbing that a joint holds, in level times path. On a campaign's clock it cools between the runs and is
 /// kept from run to run; else each run begins cold.
 pub fn heat(motion: &Motion, level: &[f64], cooling_s: f64) -> Vec<f64> {
     let mut heat = vec![0.0; motion.len()];
-    let mut last = (0.0, 0.0);
+    let (mut held, mut then_s) = (0.0, 0.0);
     for run in motion.runs.iter().filter(|run| !run.is_empty()) {
         if !motion.has_campaign_clock || cooling_s.is_infinite() {
-            last = (0.0, motion.time_s[run.start]);
+            (held, then_s) = (0.0, motion.time_s[run.start]);
         }
         for row in run.clone() {
-            let seconds = (motion.time_s[row] - last.1).max(0.0);
+            let seconds = (motion.time_s[row] - then_s).max(0.0);
             let moving = if row > run.start { seconds } else { 0.0 };
             let power = level[row].abs() * motion.velocity[row].abs();
-            last = (last.0 * (-seconds / cooling_s).exp() + power * moving, motion.time_s[row]);
-            heat[row] = last.0;
+            held = held * (-seconds / cooling_s).exp() + power * moving;
+            then_s = motion.time_s[row];
+            heat[row] = held;
         }
     }
     heat

@@ -58,7 +58,7 @@ impl Motion {
             joint: data.joint,
             step_s: median_step(&time_s, &runs),
             acceleration: long(&|run| run.acceleration_or_derived().into_owned()),
-            has_campaign_clock: has_campaign_clock(&data.runs),
+            has_campaign_clock: has_campaign_clock(data.runs.iter()),
             runs,
             time_s,
             position,
@@ -124,11 +124,13 @@ fn median_step(time_s: &[f64], runs: &[Range<usize>]) -> f64 {
     quantile_by_count(positive, 0.5).unwrap_or_default().max(1e-9)
 }
 
-fn has_campaign_clock(runs: &[Run]) -> bool {
-    let mut ends: Vec<(f64, f64)> =
-        runs.iter().filter_map(|run| Some((*run.time_s.first()?, *run.time_s.last()?))).collect();
-    ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ends.windows(2).all(|pair| pair[0].1 <= pair[1].0)
+/// Returns true if no two runs overlap in time: the clock of a campaign goes on from run to run. If every run starts at the same
+/// time, the order of the runs is unknown.
+pub fn has_campaign_clock<'a>(runs: impl Iterator<Item = &'a Run>) -> bool {
+    let ends = |run: &Run| Some([*run.time_s.first()?, *run.time_s.last()?]);
+    let mut ends: Vec<[f64; 2]> = runs.filter_map(ends).collect();
+    ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    ends.windows(2).all(|pair| pair[0][1] <= pair[1][0])
 }
 
 /// Returns a column of a log in all rows; `None` if a run lacks it.

@@ -94,6 +94,17 @@ fn predict_log_without_column_of_term_remarks_it() {
 }
 
 #[test]
+fn predict_log_without_channel_of_measurement_remarks_it() {
+    let share =
+        "channel_gains = { pressure_diff_pa = 1e-6 }\nchannel_means = { pressure_diff_pa = 0 }";
+    for section in ["measurement", "driver_measurement"] {
+        let file = params::parse(&format!("{MODEL}[{section}]\n{share}\n"), &[]).unwrap();
+        let remarks = predict_log(&file, &log(), &PredictionOptions::default()).unwrap().remarks;
+        assert!(remarks[0].contains("pressure_diff_pa"), "{section}: {remarks:?}");
+    }
+}
+
+#[test]
 fn predict_log_of_other_joint_returns_error() {
     let text = MODEL.replace("revolute", "prismatic");
     let file = params::parse(&text, &[]).unwrap();

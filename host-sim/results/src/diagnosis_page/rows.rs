@@ -208,7 +208,7 @@ pub(super) fn times<'a>(stretch: &'a Stretch) -> impl Iterator<Item = f64> + 'a 
 
 /// Returns the time between the previous row and this row, s.
 pub(super) fn step_s(track: &Track, row: usize) -> f64 {
-    track.period_ratio.as_ref().map_or(1.0, |ratios| ratios[row]) * track.period_s
+    track.period_ratio_of(row) * track.period_s
 }
 
 /// Returns the time at rest before the last breakaway, s, until the joint has moved by `travel`; NaN elsewhere.

@@ -89,19 +89,6 @@ pub fn table_errors(table: &[TablePoint], rigid_body: &RigidBody, tracks: &[Trac
 
 /// Returns the errors of a torque that depends on the row alone.
 fn errors(tracks: &[Track], torque: impl Fn(&Sample<f64>) -> f64) -> Predicted {
-    let torques: Vec<Vec<f64>> =
-        tracks.iter().map(|track| track.samples.iter().map(&torque).collect()).collect();
-    let rows = || tracks.iter().zip(&torques);
-    let residual = |(track, torque): (&Track, &Vec<f64>)| -> Vec<f64> {
-        (0..track.len())
-            .map(|row| track.weight(row).sqrt() * (track.torque[row] - torque[row]))
-            .collect()
-    };
-    let residuals = rows().map(residual).collect();
-    let pairs = rows().flat_map(|(track, torque)| {
-        let included = (0..track.len()).filter(|row| track.is_included(*row));
-        included.map(|row| (track.torque[row], torque[row], track.weight(row)))
-    });
-    let metrics = Metrics::of(pairs);
-    Predicted { torque: torques, residuals, metrics, saturation: 0.0, presliding: 0.0 }
+    let torques = tracks.iter().map(|track| track.samples.iter().map(&torque).collect()).collect();
+    Predicted::of_torque(Rows { tracks, decimate: 1 }, torques)
 }

@@ -10,7 +10,7 @@ use super::network::TrainedNetwork;
 use super::printed::EARTHQUAKE_LUGRE;
 use crate::{Goal, PaperOutcome, ResultRow};
 use compensator_core::Parameters;
-use friction_fit::{Metrics, Track};
+use friction_fit::{Metrics, Track, WeighedRow};
 
 /// Name of the table.
 pub(super) const TABLE: &str = "Earthquakes";
@@ -162,5 +162,5 @@ fn pooled(quakes: &TestCampaign, network: &TrainedNetwork) -> f64 {
 
 fn metrics(track: &Track, force: &[f64], counts: impl Fn(usize) -> bool) -> Metrics {
     let rows = (0..track.len()).filter(|row| counts(*row));
-    Metrics::of(rows.map(|row| (track.torque[row], force[row], 1.0)))
+    Metrics::of(rows.map(|row| WeighedRow { weight: 1.0, ..track.compared(row, force[row]) }))
 }

@@ -1,6 +1,6 @@
 //! Errors of a model in each test, by the paper's measure and ours.
 
-use friction_fit::{Metrics, Track};
+use friction_fit::{Metrics, Track, WeighedRow};
 
 /// Forces and errors of one model in all tests of a campaign.
 #[derive(Clone, Debug)]
@@ -15,8 +15,9 @@ impl CampaignScore {
     /// Computes the errors of the simulated forces.
     pub fn of(tracks: &[Track], force: Vec<Vec<f64>>) -> Self {
         let tests = tracks.iter().zip(&force).map(|(track, force)| {
-            let pairs = track.torque.iter().zip(force);
-            Metrics::of(pairs.map(|(measured, simulated)| (*measured, *simulated, 1.0)))
+            let rows = track.torque.iter().zip(force);
+            let row = |(&measured, &simulated)| WeighedRow { measured, simulated, weight: 1.0 };
+            Metrics::of(rows.map(row))
         });
         Self { tests: tests.collect(), force }
     }
