@@ -1,6 +1,7 @@
 //! Grades the adaptation and writes its tables: `cargo run --release -p drifting-joints --example grade_adaptation -- --seed N`.
 
 use clap::Parser;
+use compensator_core::adaptation::Gains;
 use drifting_joints::GradeError;
 use drifting_joints::drift::{Drift, MomentGrade, SteadyGrade, grade_drift, grade_steady};
 use drifting_joints::lies::{LieGrade, PreparedJoint, grade_lie};
@@ -67,7 +68,10 @@ fn lies(arguments: &Arguments) -> Vec<LieGrade> {
         .collect();
     let grade = |course: u64| {
         let joint = joints.get(course as usize % joints.len().max(1))?;
-        Some(grade_lie(joint, arguments.seed.wrapping_mul(1600) + course))
+        found(
+            &format!("course {course}"),
+            grade_lie(joint, arguments.seed.wrapping_mul(1600) + course),
+        )
     };
     (0..arguments.lies).into_par_iter().filter_map(grade).collect()
 }
@@ -83,8 +87,8 @@ fn drift_table(grades: &[MomentGrade]) -> String {
             grade.time_s
         );
         let rms = grade.rms_rad.map(|rms| format!("{:.4}", 1e3 * rms)).join("\t");
-        let [a, b] = grade.learnt.map(|gain| format!("{gain:.3}"));
-        text += &format!("{head}\t{rms}\t{a}\t{b}\t{:.3}\n", grade.true_level);
+        let Gains { level, viscous, .. } = grade.learnt;
+        text += &format!("{head}\t{rms}\t{level:.3}\t{viscous:.3}\t{:.3}\n", grade.true_level);
     }
     text
 }
@@ -92,10 +96,10 @@ fn drift_table(grades: &[MomentGrade]) -> String {
 fn steady_table(grades: &[SteadyGrade]) -> String {
     let mut text = "seed\tfamily\tlevel_error\tadaptive_per_fixed\tlargest_of_ten_minutes\tlevel\tviscous\ttrue_level\n".to_owned();
     for grade in grades {
-        let numbers = [grade.level_error, grade.ratio, grade.worst_ratio];
-        let gains = grade.learnt.into_iter().chain([grade.true_level]);
-        let numbers: Vec<String> =
-            numbers.into_iter().chain(gains).map(|number| format!("{number:.3}")).collect();
+        let Gains { level, viscous, .. } = grade.learnt;
+        let gains = [f64::from(level), f64::from(viscous), grade.true_level];
+        let numbers = [grade.level_error, grade.ratio, grade.worst_ratio].into_iter().chain(gains);
+        let numbers: Vec<String> = numbers.map(|number| format!("{number:.3}")).collect();
         text += &format!("{}\t{}\t{}\n", grade.seed, grade.family, numbers.join("\t"));
     }
     text
@@ -108,7 +112,7 @@ fn lie_table(grades: &[LieGrade]) -> String {
         let rms = grade.rms_rad.map(|rms| format!("{:.3}", 1e3 * rms)).join("\t");
         let stopped = grade.is_stopped.map(|is_stopped| is_stopped.to_string()).join("\t");
         let ringing = grade.ringing_s.map(|seconds| format!("{seconds:.0}")).join("\t");
-        let [level, viscous] = grade.learnt;
+        let Gains { level, viscous, .. } = grade.learnt;
         text += &format!(
             "{}\t{}\t{rms}\t{:.3}\t{stopped}\t{ringing}\t{level:.2}\t{viscous:.2}\n",
             grade.course,

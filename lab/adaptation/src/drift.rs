@@ -3,7 +3,8 @@
 use crate::GradeError;
 use crate::drive::{Aid, TunedSet};
 use crate::joint::{Joint, Run, true_level};
-use crate::plant::{World, course_sampler};
+use crate::plant::{Purpose, World, course_sampler};
+use compensator_core::adaptation::Gains;
 use std::f64::consts::TAU;
 
 /// Time of a moment that is graded, s, and the time before it in which each arm settles.
@@ -52,7 +53,7 @@ impl Drift {
 
     /// Returns the joint with the constants that the drift needs.
     fn prepare(self, joint: &mut Joint) {
-        let mut random = course_sampler(joint.seed, 0x44);
+        let mut random = course_sampler(joint.seed, Purpose::Drift);
         let constants = &mut joint.constants;
         match self {
             Self::Temperature => {
@@ -85,8 +86,18 @@ impl Drift {
     }
 }
 
-/// What a row of the table compares.
+/// What a row of the table compares: places of [`MomentGrade::rms_rad`].
 pub const ARMS: [&str; 5] = ["off", "fixed", "adaptive", "tuned anew", "observer"];
+/// Nothing acts against friction.
+pub const OFF: usize = 0;
+/// The set of the first campaign.
+pub const FIXED: usize = 1;
+/// The adaptation.
+pub const ADAPTIVE: usize = 2;
+/// A set of a campaign at the moment.
+pub const ANEW: usize = 3;
+/// The disturbance observer.
+pub const OBSERVER: usize = 4;
 
 /// RMS tracking errors at a moment of a drift.
 #[derive(Clone, Debug)]
@@ -101,8 +112,8 @@ pub struct MomentGrade {
     pub time_s: f64,
     /// RMS errors of the arms, rad.
     pub rms_rad: [f64; ARMS.len()],
-    /// Learnt gains, level and viscous.
-    pub learnt: [f64; 2],
+    /// Learnt gains.
+    pub learnt: Gains<f32>,
     /// Gain on the levels that fits the joint at this moment.
     pub true_level: f64,
 }
@@ -112,10 +123,10 @@ pub struct MomentGrade {
 /// # Errors
 /// Returns an error if a set cannot be identified.
 pub fn grade_drift(seed: u64, drift: Drift) -> Result<Vec<MomentGrade>, GradeError> {
-    let mut joint = Joint::draw(seed).ok_or(GradeError::NoJoint)?;
+    let mut joint = Joint::draw(seed)?;
     drift.prepare(&mut joint);
     let set = joint.identify(&joint.plant(false), &joint.world(), None)?;
-    let mut run = joint.start(Aid::adaptive(&set), seed, false);
+    let mut run = joint.start(Aid::adaptive(&set)?, seed, false);
     if drift == Drift::NewSeal {
         return new_seal(&joint, &set, run).map(|grade| vec![grade]);
     }
@@ -130,7 +141,7 @@ pub fn grade_drift(seed: u64, drift: Drift) -> Result<Vec<MomentGrade>, GradeErr
 
 /// Grades a joint with a new seal, after a minute of sliding.
 fn new_seal(joint: &Joint, set: &TunedSet, mut run: Run) -> Result<MomentGrade, GradeError> {
-    let mut random = course_sampler(joint.seed, 0x55);
+    let mut random = course_sampler(joint.seed, Purpose::Seal);
     let before = joint.world();
     run.advance_until(random.between(120.0, 300.0), &|_| before);
     run.motion.set_stopped(true);
@@ -158,12 +169,12 @@ fn moment(
     let anew = joint.identify(&run.plant, &frozen, Some(set))?;
     let runs = [
         run.with(Aid::Off),
-        run.with(Aid::fixed(set)),
+        run.with(Aid::fixed(set)?),
         run.clone(),
-        run.with(Aid::fixed(&anew)),
+        run.with(Aid::fixed(&anew)?),
         run.with(Aid::Observer(0.0)),
     ];
-    let mut learnt = [0.0; 2];
+    let mut learnt = Gains::default();
     let true_level = true_level(joint, &run.plant, set, &frozen);
     let mut rms_rad = [0.0; ARMS.len()];
     for (rms, mut run) in rms_rad.iter_mut().zip(runs) {
@@ -172,8 +183,7 @@ fn moment(
         run.advance_until(run.time_s + SCORED_S, world);
         *rms = run.take_rms();
         if matches!(run.drive.aid, Aid::Adaptive(_)) {
-            let gains = run.drive.gains();
-            learnt = [f64::from(gains.level), f64::from(gains.viscous)];
+            learnt = run.drive.gains();
         }
     }
     let (seed, family, time_s) = (joint.seed, joint.family.name(), run.time_s);
@@ -193,8 +203,8 @@ pub struct SteadyGrade {
     pub worst_ratio: f64,
     /// RMS error over the course relative to that of the tuned set.
     pub ratio: f64,
-    /// Learnt gains at the end, level and viscous.
-    pub learnt: [f64; 2],
+    /// Learnt gains at the end.
+    pub learnt: Gains<f32>,
     /// Gain on the levels that fits the joint.
     pub true_level: f64,
 }
@@ -207,10 +217,11 @@ const PART_S: f64 = 600.0;
 /// # Errors
 /// As [`grade_drift`].
 pub fn grade_steady(seed: u64, parts: usize) -> Result<SteadyGrade, GradeError> {
-    let joint = Joint::draw(seed).ok_or(GradeError::NoJoint)?;
+    let joint = Joint::draw(seed)?;
     let set = joint.identify(&joint.plant(false), &joint.world(), None)?;
     let calm = joint.world();
-    let mut runs = [Aid::adaptive(&set), Aid::fixed(&set)].map(|aid| joint.start(aid, seed, false));
+    let mut runs =
+        [Aid::adaptive(&set)?, Aid::fixed(&set)?].map(|aid| joint.start(aid, seed, false));
     let true_level = true_level(&joint, &runs[1].plant, &set, &calm);
     let (mut level_error, mut worst_ratio) = (0.0f64, 0.0f64);
     let mut sums = [0.0; 2];
@@ -225,8 +236,7 @@ pub fn grade_steady(seed: u64, parts: usize) -> Result<SteadyGrade, GradeError> 
         let level = f64::from(runs[0].drive.gains().level);
         level_error = level_error.max((level / true_level - 1.0).abs());
     }
-    let gains = runs[0].drive.gains();
-    let learnt = [f64::from(gains.level), f64::from(gains.viscous)];
+    let learnt = runs[0].drive.gains();
     let ratio = (sums[0] / sums[1]).sqrt();
     let family = joint.family.name();
     Ok(SteadyGrade { seed, family, level_error, worst_ratio, ratio, learnt, true_level })

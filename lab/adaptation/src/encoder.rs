@@ -14,9 +14,11 @@ const SPEED_MAX_RAD_S: f64 = 12.0;
 const COAST: u32 = 2;
 /// Periods with valid readings before a lost encoder counts again.
 const SETTLE: u32 = 50;
-/// Identical readings of a frozen encoder, and the innovation, rad of the joint: those of the driver, at a twentieth of its
-/// rate. Later, the observer would follow the repeated reading.
-const FROZEN: (u32, f64) = (2, 2.4e-4);
+/// Identical readings of a frozen encoder: as of the driver, at a twentieth of its rate. Later, the observer would follow the
+/// repeated reading.
+const FROZEN_READINGS: u32 = 2;
+/// Innovation of a frozen encoder, rad of the joint.
+const FROZEN_INNOVATION_RAD: f64 = 2.4e-4;
 
 /// The observer.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +83,7 @@ impl Encoder {
         self.last_rad = reading_rad;
         self.missing = 0;
         self.settling = self.settling.saturating_sub(1);
-        if self.identical >= FROZEN.0 && error.abs() > FROZEN.1 {
+        if self.identical >= FROZEN_READINGS && error.abs() > FROZEN_INNOVATION_RAD {
             self.lose();
         }
     }

@@ -1,19 +1,22 @@
 //! A joint in service: drawn constants, habits, and the set of its first campaign.
 
 use crate::GradeError;
-use crate::drive::{Aid, Commissioned, Drive, TunedSet};
+use crate::drive::{Aid, Commissioned, Drive, PRESSURE_MAX_PA, TunedSet};
 use crate::motion::{Habits, Motion};
-use crate::plant::{Measured, PERIOD_S, Plant, World, course_sampler, draw_constants};
+use crate::plant::{Measured, PERIOD_S, Plant, Purpose, World, course_sampler};
 use compensator_core::adaptation::Gains;
 use compensator_core::model::ModelState;
-use compensator_core::{Parameters, Sample, TermKind};
+use compensator_core::{LawKind, Parameters, Sample, TermKind};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, Track, identify};
-use simulated_machines::joint_plant::{FrictionFamily, Parameters as Constants};
+use simulated_machines::joint_plant::{DrawnJoint, FrictionFamily, Parameters as Constants};
 use std::f64::consts::TAU;
 
 /// Periods of the loop per row of a recording.
 const ROW_PERIODS: usize = 4;
+/// Differences of the seeds of a joint and of its campaigns: to identify a set, and to fit the true level.
+const IDENTIFICATION: u64 = 0xca4;
+const TRUE_LEVEL: u64 = 0x1e7e1;
 
 /// A drawn joint.
 #[derive(Clone, Debug)]
@@ -32,19 +35,23 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Draws a joint.
-    pub fn draw(seed: u64) -> Option<Self> {
-        let (family, constants, phase_rad) = draw_constants(seed)?;
-        let mut random = course_sampler(seed, 0x33);
+    /// Draws a joint. The temperature acts only if a drift needs it.
+    ///
+    /// # Errors
+    /// Returns an error if no joint can be drawn.
+    pub fn draw(seed: u64) -> Result<Self, GradeError> {
+        let DrawnJoint { family, constants, phase_rad, .. } = DrawnJoint::draw(seed, &[], None)?;
+        let mut random = course_sampler(seed, Purpose::Joint);
         let plant = Plant::new(family, &constants, phase_rad, false, seed);
         // Inertia in torques that the driver knows.
         let inertia = plant.inertia_kg_m2() / plant.torque_gain();
         let commissioned = Commissioned {
             inertia_kg_m2: inertia * random.between(0.95, 1.05),
-            gain_factor: [random.between(0.7, 1.3), random.between(0.7, 1.3)],
+            velocity_gain_factor: random.between(0.7, 1.3),
+            position_gain_factor: random.between(0.7, 1.3),
         };
         let habits = Habits::draw(&mut random);
-        Some(Self { seed, family, constants, phase_rad, commissioned, habits })
+        Ok(Self { seed, family, constants, phase_rad, commissioned, habits })
     }
 
     /// Returns the sliding level at the start, gear included, Nm.
@@ -70,13 +77,13 @@ impl Joint {
         Run::new(self.plant(has_coupling), drive, Motion::everyday(self.habits, seed, 0.0))
     }
 
-    /// Returns a campaign on the plant, and its duration, s.
-    fn campaign(&self, plant: &Plant, seed: u64) -> (Run, f64) {
+    /// Returns a campaign on the plant. It takes the planned time of its motion.
+    fn campaign(&self, plant: &Plant, seed: u64) -> Run {
         let mut plant = plant.clone();
         plant.reseed(seed);
-        let (motion, seconds) = Motion::identification(plant.position_rad());
+        let motion = Motion::identification(plant.position_rad());
         let drive = Drive::new(self.commissioned, Aid::Off, plant.position_rad());
-        (Run::new(plant, drive, motion), seconds)
+        Run::new(plant, drive, motion)
     }
 
     /// Identifies a set by a campaign on the plant in these surroundings.
@@ -89,9 +96,9 @@ impl Joint {
         world: &World,
         start: Option<&TunedSet>,
     ) -> Result<TunedSet, GradeError> {
-        let (run, seconds) = self.campaign(plant, self.seed ^ 0xca4);
-        let track = recorded(run, world, seconds);
-        let spec = Spec::parse("lugre")?.on(&[TermKind::UnmodelledInertia, TermKind::TorqueOffset]);
+        let track = recorded(self.campaign(plant, self.seed ^ IDENTIFICATION), world);
+        let rigid_body = [TermKind::UnmodelledInertia, TermKind::TorqueOffset];
+        let spec = Spec::law(LawKind::Lugre).on(&rigid_body);
         let base = spec.parameters()?;
         let options = FitOptions {
             passive: true,
@@ -108,17 +115,16 @@ impl Joint {
         let rows = Rows { tracks: &tracks, decimate: 1 };
         let found = identify(&spec, &base, rows, rows, &options).for_driver();
         let mut model: Parameters<f32> = found.parameters.convert();
-        let rigid = [TermKind::UnmodelledInertia, TermKind::TorqueOffset];
-        model.terms.retain(|term| !rigid.contains(term));
-        model.envelope.pressure_diff_max_pa = 4e6;
-        model.validate().map_err(GradeError::Set)?;
+        model.terms.retain(|term| !rigid_body.contains(term));
+        model.envelope.pressure_diff_max_pa = PRESSURE_MAX_PA;
+        model.validate()?;
         Ok(TunedSet { model, noise_nm: found.train.rmse as f32 })
     }
 }
 
-/// Records a run: means of some periods per row.
-fn recorded(mut run: Run, world: &World, seconds: f64) -> Track {
-    let rows = (seconds / PERIOD_S) as usize / ROW_PERIODS;
+/// Records a campaign: means of some periods per row.
+fn recorded(mut run: Run, world: &World) -> Track {
+    let rows = (run.motion.planned_s() / PERIOD_S) as usize / ROW_PERIODS;
     let (mut samples, mut torques) = (Vec::with_capacity(rows), Vec::with_capacity(rows));
     for _ in 0..rows {
         let (mut sample, mut torque_nm) = (Sample::<f64>::default(), 0.0);
@@ -208,19 +214,28 @@ impl Run {
     }
 }
 
+/// The true motion and friction of a period.
+struct TrueRow {
+    velocity_rad_s: f32,
+    /// In torques that the driver knows, Nm.
+    friction_nm: f32,
+}
+
 /// Returns the gain on the levels of a set that fits a new campaign on the plant best.
 ///
 /// All samples count, those at rest and at reversals too: the dynamic model with the set's structure and viscous coefficient
 /// is stepped along the true motion, and compared with the true friction. A constant torque is fitted too.
 pub fn true_level(joint: &Joint, plant: &Plant, set: &TunedSet, world: &World) -> f64 {
-    let (mut run, seconds) = joint.campaign(plant, joint.seed ^ 0x1e7e1);
-    let periods = (seconds / PERIOD_S) as usize;
+    let mut run = joint.campaign(plant, joint.seed ^ TRUE_LEVEL);
+    let periods = (run.motion.planned_s() / PERIOD_S) as usize;
     let known = run.plant.torque_gain();
-    let rows: Vec<[f32; 2]> = (0..periods)
+    let rows: Vec<TrueRow> = (0..periods)
         .map(|_| {
             run.period(world, |measured| measured);
-            let friction_nm = run.plant.friction_nm() / known;
-            [run.plant.velocity_rad_s() as f32, friction_nm as f32]
+            TrueRow {
+                velocity_rad_s: run.plant.velocity_rad_s() as f32,
+                friction_nm: (run.plant.friction_nm() / known) as f32,
+            }
         })
         .collect();
     let (mut level, step) = (1.0, 0.02);
@@ -230,7 +245,7 @@ pub fn true_level(joint: &Joint, plant: &Plant, set: &TunedSet, world: &World) -
         let mut sums = [0.0; 5];
         for ((row, present), changed) in rows.iter().zip(present).zip(changed) {
             let slope = (changed - present) / step;
-            let error = f64::from(row[1]) - present;
+            let error = f64::from(row.friction_nm) - present;
             let terms = [1.0, slope, slope * slope, error, slope * error];
             sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
         }
@@ -241,14 +256,15 @@ pub fn true_level(joint: &Joint, plant: &Plant, set: &TunedSet, world: &World) -
     level
 }
 
-fn stepped(set: &TunedSet, level: f64, rows: &[[f32; 2]]) -> Vec<f64> {
+/// Returns the friction of a set with this gain on its levels along the true motion, Nm.
+fn stepped(set: &TunedSet, level: f64, rows: &[TrueRow]) -> Vec<f64> {
     let gains = Gains { level: level as f32, ..Gains::default() };
     let base = set.model.build_unchecked::<f32>(PERIOD_S as f32);
     let mut model = base.clone();
     model.set_gains(&base, &gains);
     let mut state = ModelState::default();
-    let friction = |row: &[f32; 2]| {
-        let sample = Sample { velocity_rad_s: row[0], ..Sample::default() };
+    let friction = |row: &TrueRow| {
+        let sample = Sample { velocity_rad_s: row.velocity_rad_s, ..Sample::default() };
         f64::from(model.step(&mut state, &sample))
     };
     rows.iter().map(friction).collect()

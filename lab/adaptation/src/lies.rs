@@ -1,14 +1,20 @@
 //! Courses in which a sensor or the machine is other than the adaptation assumes.
 
 use crate::GradeError;
+use crate::drift::{ADAPTIVE, OFF};
 use crate::drive::{Aid, TORQUE_LIMIT_NM, TunedSet};
 use crate::joint::{Joint, Run};
-use crate::plant::{Measured, PERIOD_S, World, course_sampler};
+use crate::plant::{Measured, PERIOD_S, Purpose, World, course_sampler};
+use compensator_core::adaptation::Gains;
 use compensator_core::{ParameterId, TermKind};
+use simulated_machines::joint_plant::Load;
 use simulated_machines::sampler::Sampler;
 
 /// Duration of a course, s.
 const COURSE_S: f64 = 60.0;
+
+/// Share of the true dependence on the pressure that the set has: a model is never exact.
+const KNOWN_PRESSURE_SHARE: f64 = 0.88;
 
 /// Time after the first arm has stopped in which the others may stop too, s.
 const GRACE_S: f64 = 1.0;
@@ -107,23 +113,19 @@ impl PreparedJoint {
     /// # Errors
     /// Returns an error if the set cannot be identified.
     pub fn draw(seed: u64) -> Result<Self, GradeError> {
-        let mut joint = Joint::draw(seed).ok_or(GradeError::NoJoint)?;
-        let mut random = course_sampler(seed, 0x66);
+        let mut joint = Joint::draw(seed)?;
+        let mut random = course_sampler(seed, Purpose::Pressure);
         joint.constants.pressure_share = random.between(0.2, 0.7);
         let mut set = joint.identify(&joint.plant(false), &joint.world(), None)?;
         let seal_nm = joint.level_nm() - joint.constants.gear_no_load_nm;
-        let slope = 0.88 * joint.constants.pressure_share / joint.constants.seal_preload_pa;
+        let slope =
+            KNOWN_PRESSURE_SHARE * joint.constants.pressure_share / joint.constants.seal_preload_pa;
         set.model.add_term(TermKind::PressureCoulomb);
         set.model.set(ParameterId::PressureCoulomb, (seal_nm * slope) as f32);
-        set.model.validate().map_err(GradeError::Set)?;
+        set.model.validate()?;
         Ok(Self { joint, set })
     }
 }
-
-/// Arms of a course that compensate: the tuned set, and the adaptation.
-pub const FIXED: usize = 1;
-/// See [`FIXED`].
-pub const ADAPTIVE: usize = 2;
 
 /// Grade of a course.
 #[derive(Clone, Debug)]
@@ -132,32 +134,32 @@ pub struct LieGrade {
     pub course: u64,
     /// What was other than assumed.
     pub lies: Vec<Lie>,
-    /// RMS errors without compensation, with the tuned set, and with the adaptation, rad.
+    /// RMS errors of the first three arms of [`ARMS`](crate::drift::ARMS), rad.
     pub rms_rad: [f64; 3],
     /// Largest torque of the compensation relative to its bound.
     pub torque_share: f64,
-    /// Times of oscillation at rest of the three arms, s.
+    /// Times of oscillation at rest of these arms, s.
     pub ringing_s: [f64; 3],
     /// A following error has stopped these arms.
     pub is_stopped: [bool; 3],
-    /// Learnt gains at the end, level and viscous.
-    pub learnt: [f64; 2],
+    /// Learnt gains at the end.
+    pub learnt: Gains<f32>,
 }
 
 impl LieGrade {
     /// Returns true if the joint oscillates at rest in this arm for more than one window longer than without a compensation.
     pub fn has_limit_cycle(&self, arm: usize) -> bool {
-        self.ringing_s[arm] > self.ringing_s[0] + 1.5 * WINDOW_S
+        self.ringing_s[arm] > self.ringing_s[OFF] + 1.5 * WINDOW_S
     }
 
     /// Returns true if the joint stops in this arm, but not without a compensation.
     pub fn stops_by(&self, arm: usize) -> bool {
-        self.is_stopped[arm] && !self.is_stopped[0]
+        self.is_stopped[arm] && !self.is_stopped[OFF]
     }
 
     /// Returns the RMS error with the adaptation relative to that without a compensation.
     pub fn ratio(&self) -> f64 {
-        self.rms_rad[ADAPTIVE] / self.rms_rad[0]
+        self.rms_rad[ADAPTIVE] / self.rms_rad[OFF]
     }
 }
 
@@ -186,7 +188,12 @@ impl DrawnLie {
     fn change_world(&self, world: &mut World, friction_nm: f64) {
         match self.lie {
             Lie::Slack => world.slack_rad = 1e-3 + 0.02 * self.size,
-            Lie::Contact => world.wall = Some([0.3 * self.size - 0.15, 20.0 + 200.0 * self.size]),
+            Lie::Contact => {
+                world.load = Load::Wall {
+                    position_rad: 0.3 * self.size - 0.15,
+                    stiffness_nm_per_rad: 20.0 + 200.0 * self.size,
+                };
+            }
             Lie::Payload => world.constant_nm += self.sign * friction_nm * (0.3 + 1.7 * self.size),
             Lie::Gravity => world.gravity_nm += self.sign * friction_nm * (0.3 + 1.7 * self.size),
             _ => {}
@@ -256,23 +263,27 @@ impl RingingWatch {
 }
 
 /// Grades a course of a joint.
-pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> LieGrade {
+///
+/// # Errors
+/// Returns an error if the driver would refuse the set.
+pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> Result<LieGrade, GradeError> {
     let PreparedJoint { joint, set } = prepared;
-    let mut random = course_sampler(course, 0x77);
+    let mut random = course_sampler(course, Purpose::Lies);
     let mut lies = vec![Lie::ALL[(course % Lie::ALL.len() as u64) as usize]];
     if random.chance(0.3) {
         lies.push(Lie::ALL[random.below(Lie::ALL.len())]);
     }
     let drawn: Vec<DrawnLie> = lies.iter().map(|lie| DrawnLie::draw(&mut random, *lie)).collect();
-    let aids = [Aid::Off, Aid::fixed(set), Aid::adaptive(set)];
+    let aids = [Aid::Off, Aid::fixed(set)?, Aid::adaptive(set)?];
     let has_coupling = lies.contains(&Lie::Slack);
     let mut arms = aids.map(|aid| Arm {
         run: joint.start(aid, course ^ joint.seed, has_coupling),
-        random: course_sampler(course, 0x88),
+        random: course_sampler(course, Purpose::LieNoise),
         held: vec![None; drawn.len()],
         watch: RingingWatch::default(),
         rms_rad: 0.0,
-        most_nm: [0.0; 2],
+        aid_max_nm: 0.0,
+        torque_max_nm: 0.0,
     });
     let mut end_s = COURSE_S;
     let mut is_scored = false;
@@ -290,17 +301,16 @@ pub fn grade_lie(prepared: &PreparedJoint, course: u64) -> LieGrade {
     let bound_nm = f64::from(set.torque_limit_nm());
     let shares = arms[1..]
         .iter()
-        .map(|arm| (arm.most_nm[0] / bound_nm).max(arm.most_nm[1] / TORQUE_LIMIT_NM));
-    let gains = arms[ADAPTIVE].run.drive.gains();
-    LieGrade {
+        .map(|arm| (arm.aid_max_nm / bound_nm).max(arm.torque_max_nm / TORQUE_LIMIT_NM));
+    Ok(LieGrade {
         course,
         lies,
         torque_share: shares.fold(0.0, f64::max),
-        learnt: [f64::from(gains.level), f64::from(gains.viscous)],
+        learnt: arms[ADAPTIVE].run.drive.gains(),
         rms_rad: arms.each_ref().map(|arm| arm.rms_rad),
         ringing_s: arms.each_ref().map(|arm| arm.watch.ringing_s),
         is_stopped: arms.each_ref().map(|arm| arm.run.drive.is_stopped()),
-    }
+    })
 }
 
 /// A run of a course, and what is recorded of it.
@@ -311,8 +321,10 @@ struct Arm {
     held: Vec<Option<Measured>>,
     watch: RingingWatch,
     rms_rad: f64,
-    /// Largest torque of the aid and in all, Nm.
-    most_nm: [f64; 2],
+    /// Largest torque of the aid, Nm.
+    aid_max_nm: f64,
+    /// Largest torque in all, Nm.
+    torque_max_nm: f64,
 }
 
 impl Arm {
@@ -339,8 +351,10 @@ impl Arm {
         let run = &self.run;
         self.watch.step(run.motion.is_resting(), run.plant.velocity_rad_s());
         // What is not finite counts as beyond every bound.
-        for (most, torque_nm) in self.most_nm.iter_mut().zip([run.drive.aid_nm, run.torque_nm()]) {
-            *most = if torque_nm.is_finite() { most.max(torque_nm.abs()) } else { f64::INFINITY };
-        }
+        let larger = |most: f64, torque_nm: f64| {
+            if torque_nm.is_finite() { most.max(torque_nm.abs()) } else { f64::INFINITY }
+        };
+        self.aid_max_nm = larger(self.aid_max_nm, run.drive.aid_nm);
+        self.torque_max_nm = larger(self.torque_max_nm, run.torque_nm());
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Every part is a stroke with smooth ramps, or a rest. The everyday motion is drawn without regard to the estimator.
 
-use crate::plant::course_sampler;
+use crate::plant::{Purpose, course_sampler};
 use simulated_machines::sampler::Sampler;
 
 /// Demand of the position loop.
@@ -27,8 +27,10 @@ pub struct Habits {
     pub stroke_rad: [f64; 2],
     /// Largest acceleration, rad/s^2.
     pub acceleration_rad_s2: f64,
-    /// Probability of a rest after a stroke, and its longest time, s.
-    pub rest: (f64, f64),
+    /// Probability of a rest after a stroke.
+    pub rest_probability: f64,
+    /// Longest rest, s.
+    pub longest_rest_s: f64,
     /// Probability of a one-sided stretch: several strokes in one direction.
     pub one_sided: f64,
 }
@@ -41,7 +43,8 @@ impl Habits {
             speed_rad_s: [random.log_between(0.04, 0.3), random.log_between(0.6, 2.0)],
             stroke_rad: [random.log_between(0.01, 0.1), random.log_between(0.3, 1.2)],
             acceleration_rad_s2: random.log_between(3.0, 15.0),
-            rest: (random.between(0.1, 0.6), random.log_between(0.5, 5.0)),
+            rest_probability: random.between(0.1, 0.6),
+            longest_rest_s: random.log_between(0.5, 5.0),
             one_sided: random.between(0.0, 0.2),
         }
     }
@@ -68,13 +71,14 @@ impl Part {
         Self { velocity_rad_s: speed.copysign(way_rad), ramp_s, duration_s: way / speed + ramp_s }
     }
 
-    /// Returns velocity and acceleration.
-    fn at(&self, time_s: f64) -> [f64; 2] {
+    /// Sets velocity and acceleration of a demand to those at a time of the part, s.
+    fn apply(&self, time_s: f64, demand: &mut Demand) {
         let left_s = self.duration_s - time_s;
         let (near_s, sign) = if left_s < time_s { (left_s, -1.0) } else { (time_s, 1.0) };
         let u = (near_s / self.ramp_s).clamp(0.0, 1.0);
         let v = self.velocity_rad_s;
-        [v * u * u * (3.0 - 2.0 * u), sign * v * 6.0 * u * (1.0 - u) / self.ramp_s]
+        demand.velocity_rad_s = v * u * u * (3.0 - 2.0 * u);
+        demand.acceleration_rad_s2 = sign * v * 6.0 * u * (1.0 - u) / self.ramp_s;
     }
 }
 
@@ -89,8 +93,9 @@ pub struct Motion {
     time_s: f64,
     demand: Demand,
     middle_rad: f64,
-    /// Remaining strokes in one direction, and the direction.
-    stretch: (usize, f64),
+    /// Strokes that remain in one direction, and the direction.
+    stretch_strokes: usize,
+    stretch_direction: f64,
     /// The joint turns in one direction only.
     is_one_sided: bool,
     is_stopped: bool,
@@ -102,19 +107,20 @@ impl Motion {
         Self {
             planned: Vec::new(),
             habits,
-            random: course_sampler(seed, 0x11),
+            random: course_sampler(seed, Purpose::Motion),
             part: Part::rest(0.5),
             time_s: 0.0,
             demand: Demand { position_rad: middle_rad, ..Demand::default() },
             middle_rad,
-            stretch: (0, 1.0),
+            stretch_strokes: 0,
+            stretch_direction: 1.0,
             is_one_sided: false,
             is_stopped: false,
         }
     }
 
-    /// Creates the motion of an identification, with its duration, s: slow and fast strokes both ways, small ones, and rests.
-    pub fn identification(middle_rad: f64) -> (Self, f64) {
+    /// Creates the motion of an identification: slow and fast strokes both ways, small ones, and rests.
+    pub fn identification(middle_rad: f64) -> Self {
         let mut parts = vec![Part::rest(1.0)];
         for round in 0..2 {
             for speed in [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 1.8] {
@@ -129,20 +135,25 @@ impl Motion {
                 parts.push(Part::rest(0.1));
             }
         }
-        let seconds = parts.iter().map(|part| part.duration_s).sum();
         let habits = Habits {
             range_rad: 1.0,
             speed_rad_s: [0.1, 1.0],
             stroke_rad: [0.1, 0.5],
             acceleration_rad_s2: 10.0,
-            rest: (0.0, 1.0),
+            rest_probability: 0.0,
+            longest_rest_s: 1.0,
             one_sided: 0.0,
         };
         let mut motion = Self::everyday(habits, 0, middle_rad);
         parts.reverse();
         motion.planned = parts;
         motion.part = Part::rest(0.0);
-        (motion, seconds)
+        motion
+    }
+
+    /// Returns the time of the parts before the everyday motion, s.
+    pub fn planned_s(&self) -> f64 {
+        self.planned.iter().rev().map(|part| part.duration_s).sum()
     }
 
     /// Lets the joint turn in one direction only, or as usual.
@@ -165,10 +176,8 @@ impl Motion {
             self.time_s = 0.0;
             self.part = self.next();
         }
-        let [velocity, acceleration] = self.part.at(self.time_s);
-        self.demand.position_rad += dt * velocity;
-        self.demand.velocity_rad_s = velocity;
-        self.demand.acceleration_rad_s2 = acceleration;
+        self.part.apply(self.time_s, &mut self.demand);
+        self.demand.position_rad += dt * self.demand.velocity_rad_s;
         self.demand
     }
 
@@ -185,17 +194,18 @@ impl Motion {
             return Part::rest(0.5);
         }
         let (habits, random) = (&self.habits, &mut self.random);
-        if self.part.velocity_rad_s != 0.0 && random.chance(habits.rest.0) {
-            return Part::rest(random.log_between(0.1, habits.rest.1.max(0.2)));
+        if self.part.velocity_rad_s != 0.0 && random.chance(habits.rest_probability) {
+            return Part::rest(random.log_between(0.1, habits.longest_rest_s.max(0.2)));
         }
-        if self.stretch.0 == 0 && random.chance(habits.one_sided) {
-            self.stretch = (4 + random.below(6), random.sign());
+        if self.stretch_strokes == 0 && random.chance(habits.one_sided) {
+            self.stretch_strokes = 4 + random.below(6);
+            self.stretch_direction = random.sign();
         }
         let way = random.log_between(habits.stroke_rad[0], habits.stroke_rad[1]);
         let mut direction = random.sign();
-        if self.stretch.0 > 0 {
-            self.stretch.0 -= 1;
-            direction = self.stretch.1;
+        if self.stretch_strokes > 0 {
+            self.stretch_strokes -= 1;
+            direction = self.stretch_direction;
         }
         let from = self.demand.position_rad - self.middle_rad;
         if (from + direction * way).abs() > habits.range_rad {
@@ -216,7 +226,7 @@ mod tests {
     #[test]
     fn step_of_drawn_motion_stays_within_speed_and_range() {
         for seed in 0..20 {
-            let habits = Habits::draw(&mut course_sampler(seed, 1));
+            let habits = Habits::draw(&mut course_sampler(seed, Purpose::Joint));
             let mut motion = Motion::everyday(habits, seed, 0.0);
             for _ in 0..60_000 {
                 let demand = motion.step(1e-3);

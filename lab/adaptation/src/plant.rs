@@ -5,7 +5,7 @@
 use simulated_machines::effects::Wave;
 use simulated_machines::joint::Joint;
 use simulated_machines::joint_plant::seal::Seal;
-use simulated_machines::joint_plant::{DrawnJoint, FrictionFamily, JointPlant, Load, Parameters};
+use simulated_machines::joint_plant::{FrictionFamily, JointPlant, Load, Parameters};
 use simulated_machines::sampler::Sampler;
 use std::f64::consts::TAU;
 
@@ -14,8 +14,12 @@ pub const PERIOD_S: f64 = 1e-3;
 
 const SUBSTEPS: usize = 10;
 
-/// Coupling between motor and output of a joint with slack, Nm/rad and Nm s/rad.
-const COUPLING: [f64; 2] = [6e3, 3.0];
+/// Stiffness of the coupling between motor and output of a joint with slack, Nm/rad.
+const COUPLING_NM_PER_RAD: f64 = 6e3;
+/// Damping of this coupling, Nm s/rad.
+const COUPLING_NM_S_PER_RAD: f64 = 3.0;
+/// Noise of the pressure sensor, Pa.
+const PRESSURE_NOISE_PA: f64 = 3e3;
 
 /// What acts on the joint at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,8 +34,8 @@ pub struct World {
     pub constant_nm: f64,
     /// Torque of gravity at the horizontal, Nm.
     pub gravity_nm: f64,
-    /// Position of a wall, rad, and its stiffness, Nm/rad.
-    pub wall: Option<[f64; 2]>,
+    /// Load of the output.
+    pub load: Load,
     /// Slack between motor and output, rad.
     pub slack_rad: f64,
 }
@@ -45,7 +49,7 @@ impl World {
             pressure_pa: 0.0,
             constant_nm: 0.0,
             gravity_nm: 0.0,
-            wall: None,
+            load: Load::Free,
             slack_rad: 0.0,
         }
     }
@@ -70,12 +74,6 @@ pub struct Measured {
     pub pressure_pa: f64,
 }
 
-/// Draws the constants of a joint. The temperature acts only if a drift needs it.
-pub fn draw_constants(seed: u64) -> Option<(FrictionFamily, Parameters, [f64; 2])> {
-    let joint = DrawnJoint::draw(seed, &[], None).ok()?;
-    Some((joint.family, joint.constants, joint.phase_rad))
-}
-
 impl Plant {
     /// Creates a joint at rest at position 0.
     pub fn new(
@@ -85,10 +83,10 @@ impl Plant {
         has_coupling: bool,
         seed: u64,
     ) -> Self {
-        let [stiffness, damping] = if has_coupling { COUPLING } else { [0.0; 2] };
+        let coupling = f64::from(u8::from(has_coupling));
         let constants = Parameters {
-            output_stiffness_nm_per_rad: stiffness,
-            output_damping_nm_s_per_rad: damping,
+            output_stiffness_nm_per_rad: coupling * COUPLING_NM_PER_RAD,
+            output_damping_nm_s_per_rad: coupling * COUPLING_NM_S_PER_RAD,
             backlash_rad: 0.0,
             ..*constants
         };
@@ -138,9 +136,7 @@ impl Plant {
         joint.seal.set_water(world.water_c);
         joint.around.pressure_diff_pa = world.pressure_pa;
         joint.set_backlash(world.slack_rad);
-        joint.load = world.wall.map_or(Load::Free, |[position_rad, stiffness_nm_per_rad]| {
-            Load::Wall { position_rad, stiffness_nm_per_rad }
-        });
+        joint.load = world.load;
         joint.hidden = Some(outside);
         let p = &self.constants;
         let current_a = torque_nm / (p.motor_torque_constant_nm_per_a * p.gear_ratio);
@@ -152,16 +148,37 @@ impl Plant {
         Measured {
             encoder_rad: counts.floor() * count_rad,
             torque_nm: torque_nm + noise_nm,
-            pressure_pa: world.pressure_pa + 3e3 * self.sensors.normal(),
+            pressure_pa: world.pressure_pa + PRESSURE_NOISE_PA * self.sensors.normal(),
         }
     }
 }
 
 fn sensors(seed: u64) -> Sampler {
-    course_sampler(seed, 0x22)
+    course_sampler(seed, Purpose::Sensors)
+}
+
+/// What random numbers are drawn for.
+#[derive(Clone, Copy, Debug)]
+pub enum Purpose {
+    /// The motion in service.
+    Motion = 0x11,
+    /// The noise of the sensors.
+    Sensors = 0x22,
+    /// A joint and its habits.
+    Joint = 0x33,
+    /// The constants that a drift needs.
+    Drift = 0x44,
+    /// The time and the wear of a new seal.
+    Seal = 0x55,
+    /// The pressure that a joint with a term of it depends on.
+    Pressure = 0x66,
+    /// The lies of a course, with their times and sizes.
+    Lies = 0x77,
+    /// The noise that lies add.
+    LieNoise = 0x88,
 }
 
 /// Returns an independent source of random numbers for each pair of a seed and a purpose.
-pub fn course_sampler(seed: u64, purpose: u64) -> Sampler {
-    Sampler::of(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (purpose << 40))
+pub fn course_sampler(seed: u64, purpose: Purpose) -> Sampler {
+    Sampler::of(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ ((purpose as u64) << 40))
 }

@@ -1,14 +1,10 @@
 //! The figures of a grading, beside their goals.
 
-use crate::drift::{ARMS, Drift, MomentGrade, SteadyGrade};
-use crate::lies::{self, Lie, LieGrade};
+use crate::drift::{ADAPTIVE, ANEW, ARMS, Drift, FIXED, MomentGrade, OBSERVER, OFF, SteadyGrade};
+use crate::lies::{Lie, LieGrade};
 
 /// A row of the summary: what, number of courses, figure, goal.
 pub type Row = [String; 4];
-
-/// Arms of [`ARMS`] that are compared.
-const ADAPTIVE: usize = 2;
-const ANEW: usize = 3;
 
 /// Returns the value below which this share of the finite values lies; NaN without any.
 pub fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> f64 {
@@ -29,7 +25,7 @@ pub fn drift_rows(grades: &[MomentGrade]) -> Vec<Row> {
     for (name, drift) in parts.into_iter().chain([("all drifts", None)]) {
         let of_drift: Vec<&MomentGrade> =
             grades.iter().filter(|grade| drift.is_none_or(|drift| grade.drift == drift)).collect();
-        for arm in [0, 1, 4, ADAPTIVE] {
+        for arm in [OFF, FIXED, OBSERVER, ADAPTIVE] {
             let ratio = || of_drift.iter().map(|grade| grade.rms_rad[arm] / grade.rms_rad[ANEW]);
             let goals = if arm == ADAPTIVE { ["≤ 1.2", "≤ 1.5"] } else { ["", ""] };
             for ((text, share), goal) in [("median", 0.5), ("95 %", 0.95)].into_iter().zip(goals) {
@@ -87,8 +83,8 @@ pub fn lie_rows(grades: &[LieGrade]) -> Vec<Row> {
         ("stopped by a following error, unlike off", LieGrade::stops_by),
     ] {
         let count = |arm: usize| grades.iter().filter(|grade| has(grade, arm)).count().to_string();
-        push(what, count(lies::ADAPTIVE), "0");
-        push("the same with the tuned set", count(lies::FIXED), "");
+        push(what, count(ADAPTIVE), "0");
+        push("the same with the tuned set", count(FIXED), "");
     }
     let both = grades.iter().filter(|grade| grade.is_stopped == [true; 3]).count();
     push("stopped in every arm", both.to_string(), "");
@@ -101,12 +97,13 @@ pub fn lie_rows(grades: &[LieGrade]) -> Vec<Row> {
     };
     let worse = grades.iter().filter(|grade| grade.ratio() > 1.05).count();
     push("worse than off by more than 5 %", worse.to_string(), "0");
-    let fixed = grades.iter().filter(|grade| grade.rms_rad[1] / grade.rms_rad[0] > 1.05).count();
+    let fixed =
+        grades.iter().filter(|grade| grade.rms_rad[FIXED] / grade.rms_rad[OFF] > 1.05).count();
     push("the same with the tuned set", fixed.to_string(), "");
     let ratio = || grades.iter().map(|grade| grade.ratio());
     push("adaptive / off, median", format!("{:.2}", quantile(ratio(), 0.5)), "");
     push("adaptive / off, largest", format!("{:.2}", quantile(ratio(), 1.0)), "≤ 1.05");
-    let by_fixed = || grades.iter().map(|grade| grade.rms_rad[2] / grade.rms_rad[1]);
+    let by_fixed = || grades.iter().map(|grade| grade.rms_rad[ADAPTIVE] / grade.rms_rad[FIXED]);
     push("adaptive / fixed, median", format!("{:.2}", quantile(by_fixed(), 0.5)), "");
     push("adaptive / fixed, 99 %", format!("{:.2}", quantile(by_fixed(), 0.99)), "");
     for lie in Lie::ALL {

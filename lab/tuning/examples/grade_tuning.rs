@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use tuned_joints::{
-    Case, Fault, FaultGrade, Grade, SHOWN_BY_MOTION, Start, grade, grade_fault, summary,
+    Case, Fault, FaultGrade, GainInterval, Grade, SHOWN_BY_MOTION, Start, grade, grade_fault,
+    summary,
 };
 
 /// Arguments.
@@ -56,7 +57,7 @@ fn cases(arguments: &Arguments) -> Vec<Case> {
 }
 
 fn row(graded: &Grade) -> String {
-    let Grade { case, claimed: [reversal, rms], true_gains, rival_ratio, .. } = graded;
+    let Grade { case, claimed, true_gains, rival_ratio, .. } = graded;
     let mut line = format!(
         "{}\t{}\t{}\t{}\t{}\t{}\t{:.2}",
         case.seed,
@@ -67,12 +68,12 @@ fn row(graded: &Grade) -> String {
         graded.cause,
         graded.probability
     );
-    for number in reversal
-        .iter()
-        .chain(rms)
-        .chain(true_gains.as_flattened())
-        .chain(rival_ratio.as_flattened())
-    {
+    for GainInterval { gain, low, high } in claimed.both().into_iter().chain(true_gains.both()) {
+        let _ = write!(line, "\t{gain:.3}\t{low:.3}\t{high:.3}");
+    }
+    let ratios = rival_ratio
+        .map_or([[f64::NAN; 2]; 2], |ratio| [ratio.by_truth.both(), ratio.by_encoder.both()]);
+    for number in ratios.as_flattened() {
         let _ = write!(line, "\t{number:.3}");
     }
     let _ = write!(line, "\t{:.0}\t{}", graded.seconds, graded.why_not);

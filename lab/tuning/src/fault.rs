@@ -1,8 +1,6 @@
 //! A fault in the middle of a session: afterwards the joint is safe and has its former set.
 
-use super::{LIMITS, SECONDS, Stand, StartStand, joint, options};
-use canopen_rs::Address;
-use firmware::node::dictionary::index;
+use super::{GradeError, LIMITS, SECONDS, Stand, StartStand, joint, options};
 use joint_rig::{EncoderFault, JointEvent, service};
 
 /// What happens in the middle of a session.
@@ -54,12 +52,16 @@ pub struct FaultGrade {
 
 /// Time after a fault until which the joint must be safe, ns: the deadline of the trial, the ramp, and a restart.
 const SETTLING_NS: u64 = 6_000_000_000;
+/// Time from a restored cable until the joint is asked, ns.
+const RECONNECTION_NS: u64 = 200_000_000;
+/// Speed below which a joint rests, rad/s.
+const RESTING_RAD_S: f64 = 0.01;
 
 /// Runs a session with a fault at a share of its time, and examines the joint afterwards.
 ///
 /// # Errors
-/// Returns one line if the joint does not start or does not answer afterwards.
-pub fn grade_fault(seed: u64, fault: Fault, share: f64) -> Result<FaultGrade, String> {
+/// Returns an error if the joint does not start or does not answer afterwards.
+pub fn grade_fault(seed: u64, fault: Fault, share: f64) -> Result<FaultGrade, GradeError> {
     grade_fault_on(seed, fault, share, Stand::new)
 }
 
@@ -72,7 +74,7 @@ pub fn grade_fault_on(
     fault: Fault,
     share: f64,
     start: StartStand,
-) -> Result<FaultGrade, String> {
+) -> Result<FaultGrade, GradeError> {
     let joint = joint(seed, None)?;
     let set = service::starting_set(&joint);
     let stand = start(&joint, &set)?;
@@ -88,21 +90,16 @@ pub fn grade_fault_on(
     let session = stand.tune(&options(seed, LIMITS));
     let hub = stand.hub();
     let settled_ns = hub.now_ns().max(at_ns) + SETTLING_NS;
-    hub.run_until(settled_ns).map_err(|error| error.to_string())?;
+    hub.run_until(settled_ns)?;
     stand.kill_host_at(u64::MAX);
     stand.node().borrow_mut().schedule(settled_ns, JointEvent::CableRestored);
-    hub.run_until(settled_ns + 200_000_000).map_err(|error| error.to_string())?;
-    let is_resting = stand.node().borrow().plant().velocity_rad_s().abs() < 0.01;
+    hub.run_until(settled_ns + RECONNECTION_NS)?;
+    let is_resting = stand.node().borrow().plant().velocity_rad_s().abs() < RESTING_RAD_S;
     let is_disarmed = !stand.node().borrow_mut().rig().is_armed();
-    let mut client = stand.client();
-    let crc =
-        client.read_number(Address::new(index::COMMIT, 1)).map_err(|error| error.to_string())?;
-    let gain = client
-        .read_number(Address::new(index::POSITION_LOOP, 1))
-        .map_err(|error| error.to_string())?;
+    let (crc, gain) = (stand.active_crc()?, stand.position_gain()?);
     let (is_noticed, why) = match &session {
         Ok(session) => (!session.is_saved(), format!("{:?}", session.report.outcome)),
-        Err(error) => (true, error.clone()),
+        Err(error) => (true, error.to_string()),
     };
     Ok(FaultGrade {
         seed,

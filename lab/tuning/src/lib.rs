@@ -7,16 +7,18 @@
 //! The rival is a feed-forward by a table over speed, as open drives have it: a static law, fitted to the same recordings, with
 //! the same loop gains, and scaled by the same choice.
 
+mod error;
 mod fault;
 mod rival;
 mod stand;
 pub mod summary;
 
+pub use error::GradeError;
 pub use fault::{Fault, FaultGrade, grade_fault, grade_fault_on};
 pub use stand::{LARGEST_DISTANCE_RAD, OrderFault, Stand, Truth};
 
 use firmware::parameter_set::ParameterSet;
-use friction_results::tune::{TuneArm, TuneQuantity};
+use friction_results::tune::{TuneArm, TuneGain, TuneOutcome, TuneQuantity};
 use joint_rig::service;
 use joint_tuning::recording::Recording;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser};
@@ -66,6 +68,55 @@ pub struct Case {
     pub start: Start,
 }
 
+/// A figure of both errors of a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorFigures<T> {
+    /// Of the error at reversals.
+    pub reversal: T,
+    /// Of the RMS tracking error.
+    pub rms: T,
+}
+
+impl<T> ErrorFigures<T> {
+    /// Returns both figures, that of the error at reversals first.
+    pub fn both(self) -> [T; 2] {
+        [self.reversal, self.rms]
+    }
+}
+
+impl<T> From<[T; 2]> for ErrorFigures<T> {
+    fn from([reversal, rms]: [T; 2]) -> Self {
+        Self { reversal, rms }
+    }
+}
+
+/// A gain with its 95 % interval, as shares of the former error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GainInterval {
+    /// The gain.
+    pub gain: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
+}
+
+impl From<&TuneGain> for GainInterval {
+    fn from(found: &TuneGain) -> Self {
+        let [low, high] = found.ci95;
+        Self { gain: found.gain, low, high }
+    }
+}
+
+/// Errors of the rival over those of the saved set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RivalRatio {
+    /// By the true position of the output.
+    pub by_truth: ErrorFigures<f64>,
+    /// By the position of the encoder.
+    pub by_encoder: ErrorFigures<f64>,
+}
+
 /// The grade of a session.
 #[derive(Clone, Debug)]
 pub struct Grade {
@@ -77,20 +128,20 @@ pub struct Grade {
     pub is_saved: bool,
     /// Why not; empty if it was.
     pub why_not: String,
-    /// Named cause and its probability.
+    /// Named cause.
     pub cause: String,
     /// Probability of the cause.
     pub probability: f64,
-    /// Claimed gain and interval of the error at reversals and of the tracking error: gain, low, high.
-    pub claimed: [[f64; 3]; 2],
-    /// The same gains by the true position of the output, of the saved set over the former one; 0 if nothing was saved.
-    pub true_gains: [[f64; 3]; 2],
-    /// Errors by the true position of the output with the former and with the saved set, or twice with the former one: at
-    /// reversals and RMS, rad.
-    pub true_errors_rad: [[f64; 2]; 2],
-    /// Errors of the rival over those of the saved set, at reversals and RMS, by the true position and by the encoder's; NaN
-    /// if nothing was saved.
-    pub rival_ratio: [[f64; 2]; 2],
+    /// Claimed gains; 0 if the session claims none.
+    pub claimed: ErrorFigures<GainInterval>,
+    /// Gains by the true position of the output, of the saved set over the former one; 0 if nothing was saved.
+    pub true_gains: ErrorFigures<GainInterval>,
+    /// Errors by the true position of the output with the former set, rad.
+    pub former_errors_rad: ErrorFigures<f64>,
+    /// The same with the saved set, rad, or with the former one if nothing was saved.
+    pub final_errors_rad: ErrorFigures<f64>,
+    /// The rival beside the saved set; `None` if nothing was saved.
+    pub rival_ratio: Option<RivalRatio>,
     /// Time on the bus, s.
     pub seconds: f64,
 }
@@ -99,7 +150,7 @@ impl Grade {
     /// Returns true if the saved set is worse than the former one by more than 1 %, by the true position and beyond its
     /// interval.
     pub fn is_worse(&self) -> bool {
-        self.is_saved && self.true_gains.iter().any(|[_, _, high]| *high < -0.01)
+        self.is_saved && self.true_gains.both().iter().any(|found| found.high < -0.01)
     }
 
     /// Returns true if the hidden effect is named first.
@@ -141,15 +192,14 @@ pub fn options(seed: u64, limits: MotionLimits) -> TuneOptions {
 /// Returns the joint of a case.
 ///
 /// # Errors
-/// Returns one line if the plant does not have the effect.
-pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, String> {
-    let hide = hidden.map(Hide::parse).transpose().map_err(|error| error.to_string())?;
-    let hide: Vec<Hide> = hide.into_iter().collect();
-    DrawnJoint::draw(seed, &hide, None).map_err(|error| error.to_string())
+/// Returns an error if the plant does not have the effect.
+pub fn joint(seed: u64, hidden: Option<&str>) -> Result<DrawnJoint, GradeError> {
+    let hide: Vec<Hide> = hidden.map(Hide::parse).transpose()?.into_iter().collect();
+    Ok(DrawnJoint::draw(seed, &hide, None)?)
 }
 
 /// Returns the stand with the joint of a case as it is found.
-fn stand_of(case: &Case, joint: &DrawnJoint, start: StartStand) -> Result<Stand, String> {
+fn stand_of(case: &Case, joint: &DrawnJoint, start: StartStand) -> Result<Stand, GradeError> {
     let clean = self::joint(case.seed, None)?;
     let set = service::starting_set(&clean);
     if case.start == Start::Commissioned {
@@ -158,7 +208,7 @@ fn stand_of(case: &Case, joint: &DrawnJoint, start: StartStand) -> Result<Stand,
     let other = MotionLimits { range_rad: 0.3, speed_rad_s: 1.1, acceleration_rad_s2: 8.0 };
     let session = Stand::new(&clean, &set)?.tune(&options(case.seed ^ 0x5eed, other))?;
     let Some(tuned) = session.tried.as_ref().filter(|_| session.is_saved()) else {
-        return Err("its first session saved nothing".to_owned());
+        return Err(GradeError::NothingSaved);
     };
     let stand = start(joint, tuned)?;
     stand.set_position_gain(session.position_gain)?;
@@ -168,11 +218,11 @@ fn stand_of(case: &Case, joint: &DrawnJoint, start: StartStand) -> Result<Stand,
 /// Tunes the joint of a case, and grades the result by its true position, beside the rival.
 ///
 /// # Errors
-/// Returns one line if the joint does not start or the session is refused.
-pub fn grade(case: &Case) -> Result<Grade, String> {
+/// Returns an error if the joint does not start or the session is refused.
+pub fn grade(case: &Case) -> Result<Grade, GradeError> {
     let (mut grade, stand, session) = graded(case, Stand::new)?;
     if session.learnt.is_some() && session.is_saved() {
-        grade.rival_ratio = Rival::new(&session)?.ratio(&stand, &session)?;
+        grade.rival_ratio = Some(Rival::new(&session)?.ratio(&stand, &session)?);
     }
     Ok(grade)
 }
@@ -182,47 +232,48 @@ pub fn grade(case: &Case) -> Result<Grade, String> {
 ///
 /// # Errors
 /// As [`grade`].
-pub fn grade_on(case: &Case, start: StartStand) -> Result<Grade, String> {
+pub fn grade_on(case: &Case, start: StartStand) -> Result<Grade, GradeError> {
     graded(case, start).map(|(grade, ..)| grade)
 }
 
 /// Starts a stand for a joint with this set.
-pub type StartStand = fn(&DrawnJoint, &ParameterSet) -> Result<Stand, String>;
+pub type StartStand = fn(&DrawnJoint, &ParameterSet) -> Result<Stand, GradeError>;
 
-fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), String> {
+fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), GradeError> {
     let joint = joint(case.seed, case.hidden)?;
     let stand = stand_of(case, &joint, start)?;
     let session = stand.tune(&options(case.seed, LIMITS))?;
     let claim = |quantity: TuneQuantity| {
         let found = session.report.gains.iter().find(|gain| gain.quantity == quantity);
-        found.map_or([0.0; 3], |gain| [gain.gain, gain.ci95[0], gain.ci95[1]])
+        found.map_or(GainInterval::default(), GainInterval::from)
     };
     let truth = stand.truth();
-    let (true_gains, true_errors_rad) = if session.is_saved() {
+    let (true_gains, former_errors_rad, final_errors_rad) = if session.is_saved() {
         let gains = truth.gains(&trial_rounds(&session), [TuneArm::Former, session.report.arm]);
-        let errors =
-            [gains.each_ref().map(|gain| gain.before), gains.each_ref().map(|gain| gain.after)];
-        (gains.map(|gain| [gain.gain, gain.ci95[0], gain.ci95[1]]), errors)
+        let [before, after] = [|gain: &TuneGain| gain.before, |gain: &TuneGain| gain.after];
+        let gains = gains.each_ref();
+        (gains.map(GainInterval::from).into(), gains.map(before).into(), gains.map(after).into())
     } else {
-        let baseline = session.recordings.first();
-        let errors = baseline.map(|(recording, _)| truth.scored(recording).scores);
-        let errors = errors.map_or([f64::NAN; 2], |scores| [scores[0], scores[1]]);
-        ([[0.0; 3]; 2], [errors; 2])
+        let (baseline, _) = session.recordings.first().ok_or(GradeError::NoRecording)?;
+        let [reversal, rms, ..] = truth.scored(baseline).scores;
+        let errors = ErrorFigures { reversal, rms };
+        ([GainInterval::default(); 2].into(), errors, errors)
     };
     let grade = Grade {
         case: case.clone(),
         family: joint.family.name(),
         is_saved: session.is_saved(),
         why_not: match &session.report.outcome {
-            friction_results::tune::TuneOutcome::Saved => String::new(),
-            friction_results::tune::TuneOutcome::Returned(why) => why.clone(),
+            TuneOutcome::Saved => String::new(),
+            TuneOutcome::Returned(why) => why.clone(),
         },
         cause: session.report.cause.clone(),
         probability: session.report.probability,
-        claimed: [claim(TuneQuantity::ReversalError), claim(TuneQuantity::TrackingRms)],
+        claimed: [claim(TuneQuantity::ReversalError), claim(TuneQuantity::TrackingRms)].into(),
         true_gains,
-        true_errors_rad,
-        rival_ratio: [[f64::NAN; 2]; 2],
+        former_errors_rad,
+        final_errors_rad,
+        rival_ratio: None,
         seconds: session.report.seconds,
     };
     Ok((grade, stand, session))

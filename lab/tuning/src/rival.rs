@@ -1,18 +1,16 @@
 //! The rival: a feed-forward by a table over speed, fitted to the same recordings.
 
-use super::Stand;
-use compensator_core::TermKind;
+use super::{ErrorFigures, GradeError, RivalRatio, Stand};
+use compensator_core::{LawKind, TermKind};
 use firmware::parameter_set::ParameterSet;
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Rows, identify_robustly};
+use friction_fit::{FitOptions, Outcome, Rows, identify_robustly};
 use joint_tuning::Session;
 use joint_tuning::motion::{Motion, standard};
-use joint_tuning::score::score;
+use joint_tuning::score::{Scored, score};
 use joint_tuning::session::performed;
 use joint_tuning::trial_set::TunedSet;
 
-/// Static laws over speed, as a table has them: the better one on held-out runs is used.
-const LAWS: [&str; 2] = ["stribeck", "linear"];
 /// Shares of the table's torque that are tried.
 const SCALES: [f32; 3] = [1.0, 0.9, 0.7];
 /// Pairs of blocks: rival and saved set.
@@ -26,24 +24,26 @@ pub struct Rival {
 }
 
 impl Rival {
-    /// Fits the table of a session that saved a set.
+    /// Fits the table of a session that saved a set: a static law over speed, Stribeck or linear, whichever errs less on held-out
+    /// runs.
     ///
     /// # Errors
-    /// Returns one line if no static law can be fitted.
-    pub fn new(session: &Session) -> Result<Self, String> {
+    /// Returns an error if no static law can be fitted.
+    pub fn new(session: &Session) -> Result<Self, GradeError> {
         let (Some(learnt), Some(set)) = (&session.learnt, &session.tried) else {
-            return Err("the session learnt nothing".to_owned());
+            return Err(GradeError::NothingLearnt);
         };
         let saved = TunedSet { set: set.clone(), position_gain: session.position_gain };
         let rows = Rows { tracks: &learnt.input.train, decimate: learnt.input.decimate };
-        let fits = LAWS.iter().filter_map(|law| {
-            let spec = Spec::parse(law).ok()?.on(&[TermKind::UnmodelledInertia]);
-            let base = spec.parameters().ok()?;
+        let fit = |law: LawKind| -> Result<Outcome, GradeError> {
+            let spec = Spec::law(law).on(&[TermKind::UnmodelledInertia]);
+            let base = spec.parameters()?;
             let (test, loss) = (learnt.input.test_rows(), learnt.input.loss);
-            Some(identify_robustly(loss, &spec, &base, rows, test, &FitOptions::default()))
-        });
-        let best = fits.min_by(|a, b| a.test.rmse.total_cmp(&b.test.rmse));
-        let table = best.ok_or("no static law fits")?.for_driver();
+            Ok(identify_robustly(loss, &spec, &base, rows, test, &FitOptions::default()))
+        };
+        let [stribeck, linear] = [fit(LawKind::Stribeck)?, fit(LawKind::Linear)?];
+        let best = if linear.test.rmse < stribeck.test.rmse { linear } else { stribeck };
+        let table = best.for_driver();
         let candidates = SCALES.iter().filter_map(|scale| {
             let mut set: ParameterSet = set.clone();
             let mut model = table.parameters.convert::<f32>();
@@ -56,39 +56,80 @@ impl Rival {
         Ok(Self { candidates: candidates.collect(), saved, motion: standard(&super::LIMITS) })
     }
 
-    /// Returns the errors of the rival over those of the saved set, in blocks that alternate: at reversals and RMS, by the
-    /// true position and by that of the encoder.
+    /// Returns the errors of the rival over those of the saved set, in blocks that alternate.
     ///
     /// # Errors
-    /// Returns one line if the joint stops.
-    pub fn ratio(&self, stand: &Stand, session: &Session) -> Result<[[f64; 2]; 2], String> {
-        let options = super::options(0, super::LIMITS);
-        let perform = |tuned: &TunedSet| -> Result<[f64; 4], String> {
-            let origin_rad = session.before.position_rad;
-            let recording = performed(stand.client(), &options, origin_rad, tuned, &self.motion)
-                .map_err(|error| error.to_string())?;
-            let truth = stand.truth().scored(&recording).scores;
-            let shown = score(&recording, 1.0).scores;
-            Ok([truth[0], truth[1], shown[0], shown[1]])
-        };
+    /// Returns an error if the joint stops, or the driver would refuse every set of the rival.
+    pub fn ratio(&self, stand: &Stand, session: &Session) -> Result<RivalRatio, GradeError> {
+        let perform = |tuned: &TunedSet| self.perform(stand, session, tuned);
         let mut screened = Vec::new();
         for tuned in &self.candidates {
-            let [reversal, rms, ..] = perform(tuned)?;
+            let [reversal, rms] = perform(tuned)?.by_truth.both();
             screened.push((reversal * rms, tuned));
         }
         let best = screened.iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((_, best)) = best else { return Ok([[f64::NAN; 2]; 2]) };
-        let mut sums = [[0.0; 4]; 2];
+        let (_, best) = best.ok_or(GradeError::NoRival)?;
+        let (mut rival, mut saved) = (BlockErrors::default(), BlockErrors::default());
         for pair in 0..PAIRS {
-            let order = if pair % 2 == 0 { [0, 1] } else { [1, 0] };
-            for contender in order {
-                let tuned = if contender == 0 { best } else { &&self.saved };
-                for (sum, error) in sums[contender].iter_mut().zip(perform(tuned)?) {
-                    *sum += error;
-                }
+            // Each goes first in every second pair.
+            if pair % 2 == 0 {
+                rival.add(&perform(best)?);
+                saved.add(&perform(&self.saved)?);
+            } else {
+                saved.add(&perform(&self.saved)?);
+                rival.add(&perform(best)?);
             }
         }
-        let ratio = |place: usize| sums[0][place] / sums[1][place];
-        Ok([[ratio(0), ratio(1)], [ratio(2), ratio(3)]])
+        let ratio = |of: fn(&BlockErrors) -> ErrorFigures<f64>| {
+            let (rival, saved) = (of(&rival), of(&saved));
+            ErrorFigures { reversal: rival.reversal / saved.reversal, rms: rival.rms / saved.rms }
+        };
+        Ok(RivalRatio {
+            by_truth: ratio(|errors| errors.by_truth),
+            by_encoder: ratio(|errors| errors.by_encoder),
+        })
+    }
+
+    /// Performs the motion with a set, and returns its errors.
+    fn perform(
+        &self,
+        stand: &Stand,
+        session: &Session,
+        tuned: &TunedSet,
+    ) -> Result<BlockErrors, GradeError> {
+        let options = super::options(0, super::LIMITS);
+        let origin_rad = session.before.position_rad;
+        let recording = performed(stand.client(), &options, origin_rad, tuned, &self.motion)?;
+        let figures = |scored: Scored| {
+            let [reversal, rms, ..] = scored.scores;
+            ErrorFigures { reversal, rms }
+        };
+        let by_truth = figures(stand.truth().scored(&recording));
+        Ok(BlockErrors { by_truth, by_encoder: figures(score(&recording, 1.0)) })
+    }
+}
+
+/// Errors of a set over one block or several, rad.
+#[derive(Clone, Copy)]
+struct BlockErrors {
+    by_truth: ErrorFigures<f64>,
+    by_encoder: ErrorFigures<f64>,
+}
+
+impl Default for BlockErrors {
+    fn default() -> Self {
+        let none = ErrorFigures { reversal: 0.0, rms: 0.0 };
+        Self { by_truth: none, by_encoder: none }
+    }
+}
+
+impl BlockErrors {
+    fn add(&mut self, block: &Self) {
+        let pairs =
+            [(&mut self.by_truth, block.by_truth), (&mut self.by_encoder, block.by_encoder)];
+        for (sum, errors) in pairs {
+            sum.reversal += errors.reversal;
+            sum.rms += errors.rms;
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! A drawn joint on a bus, with the true position of its output beside it.
 
-use super::{LIMITS, Silent, options};
+use super::{GradeError, LIMITS, Silent, options};
 use canopen_rs::Address;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
@@ -141,9 +141,9 @@ impl Stand {
     /// Starts a joint with this set in its flash.
     ///
     /// # Errors
-    /// Returns one line if the set is rejected.
-    pub fn new(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, String> {
-        let node = MotorNode::drawn(joint, set).map_err(|error| error.to_string())?;
+    /// Returns an error if the set is rejected.
+    pub fn new(joint: &DrawnJoint, set: &ParameterSet) -> Result<Self, GradeError> {
+        let node = MotorNode::drawn(joint, set)?;
         Ok(Self::with_node(node, LIBRARY_REPORT_AGE_MS))
     }
 
@@ -162,14 +162,12 @@ impl Stand {
     /// Gives the joint another gain of its position loop (60FBh:1), and stores it.
     ///
     /// # Errors
-    /// Returns one line if the joint refuses.
-    pub fn set_position_gain(&self, gain: u32) -> Result<(), String> {
+    /// Returns an error if the joint refuses.
+    pub fn set_position_gain(&self, gain: u32) -> Result<(), GradeError> {
         let mut client = self.client();
-        let mut write = |index: u16, bytes: [u8; 4]| {
-            client.write(Address::new(index, 1), &bytes).map_err(|error| error.to_string())
-        };
-        write(index::POSITION_LOOP, gain.to_le_bytes())?;
-        write(index::STORE, SAVE_SIGNATURE.to_le_bytes())
+        client.write(Address::new(index::POSITION_LOOP, 1), &gain.to_le_bytes())?;
+        client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes())?;
+        Ok(())
     }
 
     /// Returns the bus.
@@ -200,10 +198,17 @@ impl Stand {
     /// Returns the CRC of the active set.
     ///
     /// # Errors
-    /// Returns one line if the joint does not answer.
-    pub fn active_crc(&self) -> Result<u32, String> {
-        let at = Address::new(index::COMMIT, 1);
-        self.client().read_number(at).map_err(|error| error.to_string())
+    /// Returns an error if the joint does not answer.
+    pub fn active_crc(&self) -> Result<u32, GradeError> {
+        Ok(self.client().read_number(Address::new(index::COMMIT, 1))?)
+    }
+
+    /// Returns the gain of the position loop that the joint uses (60FBh:1).
+    ///
+    /// # Errors
+    /// As [`Stand::active_crc`].
+    pub fn position_gain(&self) -> Result<u32, GradeError> {
+        Ok(self.client().read_number(Address::new(index::POSITION_LOOP, 1))?)
     }
 
     /// Returns a client of the joint.
@@ -219,24 +224,20 @@ impl Stand {
     /// Performs the standard motion with a set in RAM, at the stored position gain.
     ///
     /// # Errors
-    /// Returns one line if the set is refused or the joint stops.
-    pub fn performed(&self, set: &ParameterSet) -> Result<Recording, String> {
-        let at = Address::new(index::POSITION_LOOP, 1);
-        let gain = self.client().read_number(at).map_err(|error| error.to_string())?;
-        let tuned = TunedSet { set: set.clone(), position_gain: gain };
+    /// Returns an error if the set is refused or the joint stops.
+    pub fn performed(&self, set: &ParameterSet) -> Result<Recording, GradeError> {
+        let tuned = TunedSet { set: set.clone(), position_gain: self.position_gain()? };
         let origin_rad = self.node.borrow().plant().position_rad();
         let motion = standard(&LIMITS);
-        performed(self.client(), &options(0, LIMITS), origin_rad, &tuned, &motion)
-            .map_err(|error| error.to_string())
+        Ok(performed(self.client(), &options(0, LIMITS), origin_rad, &tuned, &motion)?)
     }
 
     /// Runs a session.
     ///
     /// # Errors
-    /// Returns one line if the session is refused.
-    pub fn tune(&self, options: &TuneOptions) -> Result<Session, String> {
-        tune(self.client(), options, Box::new(|| false), &mut Silent)
-            .map_err(|error| error.to_string())
+    /// Returns an error if the session is refused.
+    pub fn tune(&self, options: &TuneOptions) -> Result<Session, GradeError> {
+        Ok(tune(self.client(), options, Box::new(|| false), &mut Silent)?)
     }
 }
 

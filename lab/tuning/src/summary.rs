@@ -1,6 +1,6 @@
 //! The figures of a grading, beside their goals.
 
-use super::{FaultGrade, Grade, Start};
+use super::{FaultGrade, GainInterval, Grade, RivalRatio, Start};
 
 /// A row of the summary: what, number of joints, figure, goal.
 pub type Row = [String; 4];
@@ -57,24 +57,37 @@ pub fn rows(grades: &[Grade], faults: &[FaultGrade]) -> Vec<Row> {
 fn part_rows(name: &str, grades: &[&Grade], [reversal, rms, ahead]: [&str; 3]) -> Vec<Row> {
     let saved = grades.iter().filter(|grade| grade.is_saved);
     let worse = grades.iter().filter(|grade| grade.is_worse()).count();
-    let gain = |place: usize| median(grades.iter().map(|grade| grade.true_gains[place][0]));
-    let lead = |measure: usize, place: usize| {
-        1.0 - 1.0 / median(grades.iter().map(|grade| grade.rival_ratio[measure][place]))
+    let gain = |of: fn(&Grade) -> GainInterval| median(grades.iter().map(|grade| of(grade).gain));
+    let lead = |of: fn(&RivalRatio) -> f64| {
+        let ratios = grades.iter().filter_map(|grade| grade.rival_ratio.as_ref());
+        1.0 - 1.0 / median(ratios.map(of))
     };
     let named = grades.iter().filter(|grade| grade.is_named()).count();
     let figures = [
         ("new set saved", saved.count().to_string(), ""),
-        ("error at reversals less, median", percent(gain(0)), reversal),
-        ("tracking error less, median", percent(gain(1)), rms),
+        (
+            "error at reversals less, median",
+            percent(gain(|grade| grade.true_gains.reversal)),
+            reversal,
+        ),
+        ("tracking error less, median", percent(gain(|grade| grade.true_gains.rms)), rms),
         ("worse than before", worse.to_string(), "0"),
         (
             "error at reversals less than with a table over speed, median",
-            percent(lead(0, 0)),
+            percent(lead(|ratio| ratio.by_truth.reversal)),
             ahead,
         ),
-        ("the same by the encoder's position", percent(lead(1, 0)), ""),
-        ("tracking error less than with a table over speed, median", percent(lead(0, 1)), ""),
-        ("the same by the encoder's position", percent(lead(1, 1)), ""),
+        (
+            "the same by the encoder's position",
+            percent(lead(|ratio| ratio.by_encoder.reversal)),
+            "",
+        ),
+        (
+            "tracking error less than with a table over speed, median",
+            percent(lead(|ratio| ratio.by_truth.rms)),
+            "",
+        ),
+        ("the same by the encoder's position", percent(lead(|ratio| ratio.by_encoder.rms)), ""),
         ("hidden effect named first", named.to_string(), ""),
     ];
     let row = |(what, figure, goal): (&str, String, &str)| {

@@ -148,8 +148,9 @@ struct Drawn {
 fn draw(at: u64, case: &Case) -> Drawn {
     // The seeds of the cases do not overlap.
     let seeds = (FIRST_SEED + 100 * at)..;
-    let mut lab = seeds.filter_map(Joint::draw).find(|joint| joint.family == case.family);
-    let lab = lab.as_mut().expect("a joint of each family");
+    let mut joints = seeds.map(|seed| Joint::draw(seed).expect("a joint"));
+    let lab = joints.find(|joint| joint.family == case.family);
+    let mut lab = lab.expect("a joint of each family");
     case.drift.prepare(&mut lab.constants);
     let tuned = lab.identify(&lab.plant(false), &lab.world(), None).expect("a set");
     let mut joint = DrawnJoint::draw(lab.seed, &[], None).expect("a joint");
@@ -241,7 +242,8 @@ fn follow(rig: &mut JointRig, case: &Case, seed: u64, [from_s, to_s]: [f64; 2]) 
         speed_rad_s: [0.08, 1.2],
         stroke_rad: [0.05, 0.8],
         acceleration_rad_s2: 8.0,
-        rest: (0.3, 0.6),
+        rest_probability: 0.3,
+        longest_rest_s: 0.6,
         one_sided: 0.05,
     };
     let mut motion = Motion::everyday(habits, seed, enable(rig));

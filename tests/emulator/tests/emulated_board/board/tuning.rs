@@ -19,8 +19,8 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use tuned_joints::summary::median;
 use tuned_joints::{
-    Case, Fault, Grade, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade_fault_on, grade_on, joint,
-    options,
+    Case, Fault, Grade, GradeError, LIMITS, SHOWN_BY_MOTION, Stand, Start, grade_fault_on,
+    grade_on, joint, options,
 };
 
 /// Seeds of the joints: others than those of the table of graded sessions.
@@ -48,31 +48,41 @@ const HOST_WAS_LATE: u32 = 4;
 const HEAD: &str = "seed\tfamily\thidden\tsaved\treversal before, mrad\treversal after, mrad\tRMS before, mrad\tRMS after, mrad\tworse\n";
 
 /// Starts the image on a drawn joint with this set in its flash.
-fn start(joint: &DrawnJoint, set: &ParameterSet) -> Result<Stand, String> {
+fn start(joint: &DrawnJoint, set: &ParameterSet) -> Result<Stand, GradeError> {
     let start = MotorNode::power_up(joint, set);
     let stage = stage_at_power_up(&start, joint.plant(), &RigFaults::default());
-    let driver = BoardDriver::start(image(), &start, stage).map_err(|error| error.to_string())?;
+    let driver = BoardDriver::start(image(), &start, stage);
+    let driver = driver.map_err(|error| GradeError::OtherDriver(error.into()))?;
     Ok(Stand::with_node(MotorNode::drawn_on(Box::new(driver), joint), REPORT_AGE_MS))
 }
 
-/// CRC of the active set, and the position gain.
-fn in_use(stand: &Stand) -> (u32, u32) {
-    let at = canopen_rs::Address::new(index::POSITION_LOOP, 1);
-    let gain = stand.client().read_number(at).expect("an answer");
-    (stand.active_crc().expect("an answer"), gain)
+/// What a joint uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct InUse {
+    /// CRC of the active set.
+    set_crc: u32,
+    position_gain: u32,
+}
+
+fn in_use(stand: &Stand) -> InUse {
+    InUse {
+        set_crc: stand.active_crc().expect("an answer"),
+        position_gain: stand.position_gain().expect("an answer"),
+    }
 }
 
 /// Sets half of the compensation and another position gain on trial. Returns what was in use before, and is on trial.
-fn begin_trial(stand: &Stand, set: &ParameterSet) -> [(u32, u32); 2] {
+fn begin_trial(stand: &Stand, set: &ParameterSet) -> [InUse; 2] {
     let before = in_use(stand);
     let joint = options(1, LIMITS);
     let mut master = Master::new(stand.client(), joint.node, joint.limits, Box::new(|| false));
     trial_set::open(&mut master).expect("an open trial");
-    let mut tried = TunedSet { set: set.clone(), position_gain: before.1 / 2 };
+    let mut tried = TunedSet { set: set.clone(), position_gain: before.position_gain / 2 };
     tried.set.friction.compensator.scale = 0.5;
     trial_set::apply(&mut master, &tried).expect("a set on trial");
     let on_trial = in_use(stand);
-    assert_eq!(on_trial, (tried.set.crc(), tried.position_gain));
+    let wanted = InUse { set_crc: tried.set.crc(), position_gain: tried.position_gain };
+    assert_eq!(on_trial, wanted);
     [before, on_trial]
 }
 
@@ -129,7 +139,7 @@ fn cases() -> Vec<Case> {
 fn emit(grades: &[Grade]) -> String {
     let mut text = HEAD.to_owned();
     for grade in grades {
-        let [before, after] = grade.true_errors_rad.map(|errors| errors.map(|rad| 1e3 * rad));
+        let (before, after) = (grade.former_errors_rad, grade.final_errors_rad);
         let _ = writeln!(
             text,
             "{}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.3}\t{:.3}\t{}",
@@ -137,10 +147,10 @@ fn emit(grades: &[Grade]) -> String {
             grade.family,
             grade.case.hidden.unwrap_or("none"),
             grade.is_saved,
-            before[0],
-            after[0],
-            before[1],
-            after[1],
+            1e3 * before.reversal,
+            1e3 * after.reversal,
+            1e3 * before.rms,
+            1e3 * after.rms,
             grade.is_worse(),
         );
     }
@@ -167,13 +177,14 @@ fn sessions_on_image_move_the_outputs_of_their_joints_better() {
     let saved: Vec<&Grade> = grades.iter().filter(|grade| grade.is_saved).collect();
     assert!(saved.len() >= LEAST_SAVED, "{} saved", saved.len());
     for grade in saved {
-        let is_enough = grade.true_gains.iter().all(|[gain, ..]| *gain >= LEAST_GAIN_OF_A_JOINT);
+        let gains = grade.true_gains.both();
+        let is_enough = gains.iter().all(|found| found.gain >= LEAST_GAIN_OF_A_JOINT);
         assert!(is_enough, "{}: {:?}", grade.case.seed, grade.true_gains);
     }
     let families: BTreeSet<&str> = grades.iter().map(|grade| grade.family).collect();
     assert_eq!(families.len(), 3, "{families:?}");
     for (place, least) in LEAST_GAINS.into_iter().enumerate() {
-        let gain = median(grades.iter().map(|grade| grade.true_gains[place][0]));
+        let gain = median(grades.iter().map(|grade| grade.true_gains.both()[place].gain));
         println!("measured: median gain {gain:.3} on the image, of {} joints", grades.len());
         assert!((least..1.0).contains(&gain), "quantity {place}: {gain}");
     }
