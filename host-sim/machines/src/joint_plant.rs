@@ -8,15 +8,13 @@
 //! ```
 //!
 //! The seal is not a LuGre model: its friction is of one of three families ([`contact`]). All constants are in one table with their sources ([`parameters`]).
-//! [`mod@bench`] imposes the motion of the seal, as a test stand does. [`machine`] is the plant of a current loop, with
-//! noise and quantisation in its measurements.
+//! [`machine`] is the plant of a current loop, with noise and quantisation in its measurements.
 //!
 //! Optional parts are a bus capacitor ([`supply`]), a winding that heats up ([`winding`]), a coupling with compliance
 //! and backlash, cogging, and an eccentric encoder magnet. The simulation uses its own equations in double precision.
 //! It is independent of the friction law under test.
 
 mod around;
-pub mod bench;
 pub mod brake;
 mod bridge;
 pub mod comparators;
@@ -37,7 +35,6 @@ pub mod supply;
 pub mod surroundings;
 pub mod winding;
 
-pub use bench::Bench;
 pub use brake::HoldingBrake;
 pub use contact::FrictionFamily;
 pub use drawn::DrawnJoint;

@@ -25,6 +25,23 @@ pub struct Request {
     pub hide: Vec<Hide>,
 }
 
+impl Request {
+    /// Refuses the options that only the simulation `underwater-joint` has.
+    ///
+    /// # Errors
+    /// Returns an error if the request has one of them.
+    pub fn refuse_effects(&self) -> Result<(), SimulationError> {
+        let options = if !self.hide.is_empty() {
+            "--hide: this machine has its own effects; use --hide with `underwater-joint`"
+        } else if self.unloaded || self.steady {
+            "--unloaded, --steady: only supported by `underwater-joint`"
+        } else {
+            return Ok(());
+        };
+        Err(SimulationError::Unsupported { options })
+    }
+}
+
 /// A simulated log and its ground truth.
 #[derive(Clone, Debug)]
 pub struct Simulated {

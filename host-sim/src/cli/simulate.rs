@@ -77,7 +77,7 @@ fn positive(text: &str) -> Result<f64, Expected> {
 
 /// The machines of the papers, by name, which need the feature `papers`.
 #[cfg(any(test, not(feature = "papers")))]
-const PAPER_MACHINES: [&str; 2] = ["damper", "manipulator"];
+const PAPER_MACHINES: [&str; 3] = ["damper", "joint-bench", "manipulator"];
 
 #[cfg(feature = "papers")]
 fn machines() -> impl Iterator<Item = &'static Simulation> + Clone {

@@ -113,7 +113,7 @@ fn help_of_simulate_lists_every_scenario() {
     let mut simulate = all.find_subcommand("simulate").expect("a command").clone();
     let helps = [simulate.render_help(), simulate.render_long_help()].map(|help| help.to_string());
     let known = simulated_machines::SIMULATIONS.iter().map(|of| of.name);
-    for scenario in known.chain(["damper", "manipulator"]) {
+    for scenario in known.chain(["damper", "joint-bench", "manipulator"]) {
         assert!(helps.iter().all(|help| help.contains(scenario)), "{scenario}");
     }
 }

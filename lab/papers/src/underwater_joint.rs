@@ -29,13 +29,11 @@ use arms::DriverArm;
 use campaign::BenchRuns;
 use friction_diagnose::Diagnosis;
 use measures::Spread;
-use simulated_machines::joint_plant::bench::Amount;
-use simulated_machines::joint_plant::{Bench, Parameters};
+use paper_machines::bench::{Amount, Bench};
+use simulated_machines::joint_plant::Parameters;
+use simulated_machines::joint_plant::parameters::PHASE_RAD;
 use stochastic_extension::Certificate;
 use tasks::{Conditions, Task};
-
-/// Angles of the joint's eccentricity and out-of-roundness, rad; the same joint in all experiments.
-const PHASE_RAD: [f64; 2] = [0.7, 2.1];
 
 /// Water temperature of the joint's specification and of the bench runs, deg C; the paper states none.
 ///

@@ -4,6 +4,11 @@
 //! result. "Assumed" marks a value without a source that is usual for such a part. [`Parameters::table`] returns the
 //! table for a report page.
 
+use serde_json::{Map, Value, json};
+
+/// Angles of the eccentricity and the out-of-roundness of the joint in the published experiments, rad.
+pub const PHASE_RAD: [f64; 2] = [0.7, 2.1];
+
 /// A constant in the form of a report page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
@@ -132,4 +137,22 @@ parameters! {
     platform_drag_n_s2_per_m2 = 30.0, "N s^2/m^2", "assumed: plate of 0.05 m^2";
     ground_stiffness_n_per_m = 2.0e4, "N/m", "assumed: rubber foot on tiles";
     ground_damping_n_s_per_m = 150.0, "N s/m", "assumed: rubber foot";
+}
+
+impl Parameters {
+    /// Returns the content of `truth.json` of a simulation of this joint: every constant.
+    pub fn truth(&self, scenario: &str, seed: u64) -> Value {
+        let constants = self.table().into_iter().map(|entry| {
+            let about = json!({"value": entry.value, "unit": entry.unit, "source": entry.source});
+            (entry.name.to_owned(), about)
+        });
+        json!({
+            "schema": 1,
+            "origin": "simulated",
+            "scenario": scenario,
+            "seed": seed,
+            "hidden": [],
+            "parameters": Map::from_iter(constants),
+        })
+    }
 }

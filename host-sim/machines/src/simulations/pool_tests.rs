@@ -1,21 +1,19 @@
-//! The paper's pool tests as logs: velocity tracking, low speed, impact, and the preceding bench runs.
+//! The paper's pool tests as logs: velocity tracking, low speed and impact.
 //!
 //! The plant is the one of `host-sim paper underwater-joint` ([`crate::joint_plant`]) with a simple velocity loop at
 //! 1 kHz. The loop has feed-forward of inertia and weight, an ideal current loop, and no friction compensation. Depth and
 //! temperature differ between runs.
 //!
-//! In the pool tests, `torque_nm` is the total drive torque computed from the measured current, so they need
-//! `--rigid-body inertia,load`. In the bench runs, it is the friction alone.
+//! `torque_nm` is the total drive torque computed from the measured current, so the logs need `--rigid-body inertia,load`.
 
-use crate::joint_plant::bench::{Amount, COLUMNS as BENCH_COLUMNS, Campaigns};
 use crate::joint_plant::load::{JUMP_FROM_RAD, LIFT_FROM_RAD};
-use crate::joint_plant::{Bench, JointPlant, Load, Parameters};
+use crate::joint_plant::parameters::PHASE_RAD;
+use crate::joint_plant::{JointPlant, Load, Parameters};
 use crate::log::{Log, LoggedRun};
 use crate::simulation::{Request, Simulated, Simulation, SimulationError};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use serde_json::json;
 use std::f64::consts::TAU;
 
 /// Periods of the velocity loop and of the plant, s.
@@ -26,8 +24,6 @@ const VELOCITY_HZ: f64 = 4.0;
 const INTEGRAL_S: f64 = 0.5;
 /// Maximum current, A.
 const MAX_CURRENT_A: f64 = 26.0;
-/// Angles of eccentricity and out-of-roundness of the joint, rad.
-const PHASE_RAD: [f64; 2] = [0.7, 2.1];
 /// Pause between two runs in campaign time, s.
 const PAUSE_S: f64 = 60.0;
 /// Maximum number of rows of all runs.
@@ -93,13 +89,6 @@ pub const IMPACT: Simulation = Simulation {
     },
 };
 
-/// Bench runs of the same joint.
-pub const JOINT_BENCH: Simulation = Simulation {
-    name: "joint-bench",
-    about: "Bench runs of the joint of the pool tests: unloaded, factorial, and the paper's eight kinds",
-    run: bench_runs,
-};
-
 /// Definition of a pool test.
 struct Test {
     scenario: &'static str,
@@ -112,7 +101,7 @@ struct Test {
 impl Test {
     /// Simulates all runs of the test.
     fn simulate(&self, request: &Request) -> Result<Simulated, SimulationError> {
-        check_request(request)?;
+        request.refuse_effects()?;
         let rate_hz = request.rate_hz.unwrap_or(500.0);
         let every = (1.0 / (rate_hz * LOOP_S)).round();
         if !(every >= 1.0 && (every * rate_hz * LOOP_S - 1.0).abs() < 1e-6) {
@@ -132,7 +121,8 @@ impl Test {
             LoggedRun { name: run.to_string(), columns }
         });
         let log = Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() };
-        Ok(simulated(self.scenario, request.seed, log, &p))
+        let truth = p.truth(self.scenario, request.seed);
+        Ok(Simulated { log, truth, hidden: Vec::new() })
     }
 
     /// Simulates a run and returns its columns, with one row per `every` periods of the velocity loop.
@@ -189,61 +179,6 @@ impl Test {
     }
 }
 
-/// Measures the bench runs.
-fn bench_runs(request: &Request) -> Result<Simulated, SimulationError> {
-    check_request(request)?;
-    if request.runs.is_some() || request.rate_hz.is_some() {
-        let options = "--runs, --rate: the bench has its own runs at 250 Hz";
-        return Err(SimulationError::Unsupported { options });
-    }
-    let seconds = request.seconds.unwrap_or(6.0);
-    if !(0.5..=60.0).contains(&seconds) {
-        let expected = "0.5 to 60".to_owned();
-        return Err(SimulationError::Value { option: "--seconds", found: seconds, expected });
-    }
-    let mut parameters = Parameters::default();
-    parameters.torque_noise_nm = request.noise_nm.unwrap_or(parameters.torque_noise_nm);
-    let temperature_c = [parameters.water_temperature_c; 2];
-    let bench = Bench { parameters, phase_rad: PHASE_RAD, temperature_c, seed: request.seed };
-    let amount = Amount { seconds, both_motions: false, learned: 2, held_out: 0 };
-    let Campaigns { mut unloaded, factorial, learned, .. } = bench.measure(&amount);
-    debug_assert_eq!(unloaded.columns, BENCH_COLUMNS);
-    unloaded.runs.extend(factorial.runs);
-    unloaded.runs.extend(learned.runs);
-    Ok(simulated(JOINT_BENCH.name, request.seed, unloaded, &parameters))
-}
-
-/// Returns an error for options that these tests do not support.
-fn check_request(request: &Request) -> Result<(), SimulationError> {
-    if !request.hide.is_empty() {
-        let options =
-            "--hide: this machine has its own effects; use --hide with `underwater-joint`";
-        return Err(SimulationError::Unsupported { options });
-    }
-    if request.unloaded || request.steady {
-        let options = "--unloaded, --steady: only supported by `underwater-joint`";
-        return Err(SimulationError::Unsupported { options });
-    }
-    Ok(())
-}
-
-/// Assembles the log and the ground truth.
-fn simulated(scenario: &str, seed: u64, log: Log, p: &Parameters) -> Simulated {
-    let constants = p.table().into_iter().map(|entry| {
-        let about = json!({"value": entry.value, "unit": entry.unit, "source": entry.source});
-        (entry.name.to_owned(), about)
-    });
-    let truth = json!({
-        "schema": 1,
-        "origin": "simulated",
-        "scenario": scenario,
-        "seed": seed,
-        "hidden": [],
-        "parameters": serde_json::Map::from_iter(constants),
-    });
-    Simulated { log, truth, hidden: Vec::new() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -282,8 +217,6 @@ mod tests {
         let rate = Request { rate_hz: Some(300.0), ..Request::default() };
         assert!(IMPACT.simulate(&rate).unwrap_err().to_string().contains("1000 Hz"));
         let unloaded = Request { unloaded: true, ..Request::default() };
-        assert!(JOINT_BENCH.simulate(&unloaded).unwrap_err().to_string().contains("--unloaded"));
-        let runs = Request { runs: Some(3), ..Request::default() };
-        assert!(JOINT_BENCH.simulate(&runs).unwrap_err().to_string().contains("250 Hz"));
+        assert!(IMPACT.simulate(&unloaded).unwrap_err().to_string().contains("--unloaded"));
     }
 }

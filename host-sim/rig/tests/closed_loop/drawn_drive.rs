@@ -11,11 +11,11 @@ use firmware::parameter_set::ParameterSet;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use simulated_machines::joint_plant::FrictionFamily;
+use simulated_machines::joint_plant::parameters::PHASE_RAD;
 use simulated_machines::joint_plant::seal::Seal;
 use std::f64::consts::TAU;
 
 const CSP: u8 = 8;
-const PHASE_RAD: [f64; 2] = [0.7, 2.1];
 /// Gain of the position loop by default (60FBh:1), 1/s.
 const POSITION_GAIN: f64 = 10.0;
 /// Lag of the velocity loop behind the position loop, ms.

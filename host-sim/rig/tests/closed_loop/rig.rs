@@ -11,15 +11,13 @@ use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, identify, tracks};
 use joint_rig::simulated::dataset;
 use joint_rig::{JointRig, PowerUp, RigError, RigFaults};
-use simulated_machines::joint_plant::bench::Amount;
-use simulated_machines::joint_plant::{Bench, JointPlant, Load, Parameters};
+use paper_machines::bench::{Amount, Bench};
+use simulated_machines::joint_plant::parameters::PHASE_RAD;
+use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::f64::consts::TAU;
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{LazyLock, Mutex};
-
-/// Angles of the seal's eccentricity and out-of-roundness, rad, of the identified machine.
-const PHASE_RAD: [f64; 2] = [0.7, 2.1];
 
 /// Crossover of the master's velocity loop, Hz, and its integral time, s: as in the paper's tasks.
 const VELOCITY_HZ: f64 = 2.0;

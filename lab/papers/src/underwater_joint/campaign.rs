@@ -2,9 +2,8 @@
 
 use joint_log::Dataset;
 use joint_rig::simulated::dataset;
+use paper_machines::bench::{Amount, Bench};
 use simulated_machines::Log;
-use simulated_machines::joint_plant::Bench;
-use simulated_machines::joint_plant::bench::Amount;
 
 /// The bench runs of one machine.
 #[derive(Clone, Debug)]

@@ -9,8 +9,8 @@ use super::measures::Spread;
 use compensator_core::ParameterId;
 use friction_fit::{Outcome, Rows, Track, predict, tracks};
 use joint_log::Dataset;
+use paper_machines::bench::KINDS;
 use rayon::prelude::*;
-use simulated_machines::joint_plant::bench::KINDS;
 use stochastic_extension::{Certificate, Settings};
 
 /// The paper's speeds, rpm.

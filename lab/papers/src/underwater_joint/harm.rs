@@ -11,8 +11,8 @@ use super::tasks::{Conditions, Course, Task, run};
 use crate::PaperError;
 use compensator_core::ParameterId as Id;
 use joint_rig::{RigFaults, SealSensorFault};
+use paper_machines::bench::BRAKE_NM;
 use rayon::prelude::*;
-use simulated_machines::joint_plant::bench::BRAKE_NM;
 
 /// Pool tests of the map, in the order of its columns.
 pub const TASKS: [Task; 3] = [Task::LowSpeed, Task::VelocityTracking, Task::Impact];

@@ -1,4 +1,4 @@
-//! Test stand of the plant: a stiff drive imposes the motion, and the friction torque is measured.
+//! Test stand of the underwater joint: a stiff drive imposes the motion, and the friction torque is measured.
 //!
 //! There are three campaigns after Ding et al.:
 //!
@@ -9,15 +9,15 @@
 //! Runs are logged at 250 Hz. Torque, side load and pressure have sensor noise (Table I). The temperature is that of the
 //! thermometer. The motion is the imposed one, without noise.
 
-use super::parameters::Parameters;
-use super::seal::{Around, Seal};
-use crate::conditions::Signal;
-use crate::log::{Log, LoggedRun};
-use crate::motion::{Motion, Speeds, Wave};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use simulated_machines::conditions::Signal;
+use simulated_machines::joint_plant::Parameters;
+use simulated_machines::joint_plant::seal::{Around, Seal};
+use simulated_machines::motion::{Motion, Speeds, Wave};
+use simulated_machines::{Log, LoggedRun};
 use std::f64::consts::TAU;
 
 /// Sample rate of the logs, Hz, and integration steps per row.
