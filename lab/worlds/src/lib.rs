@@ -50,7 +50,7 @@ use simulated_machines::Log;
 use simulated_machines::effects::Wave;
 use simulated_machines::joint::Joint;
 use simulated_machines::sampler::{Sampler, mixed as mix};
-use world::World;
+use world::{Target, World};
 
 /// A simulated log and its ground truth.
 #[derive(Clone, Debug)]
@@ -98,8 +98,9 @@ pub fn draw_family(seed: u64, family: Family) -> UnkindWorld {
     let hidden = cause.map(|cause| effect::draw(&mut sampler, &mut campaign, cause));
     let target_nm =
         campaign.sensing.noise_nm * sampler.log_between(EFFECT_TO_NOISE.0, EFFECT_TO_NOISE.1);
-    let effects = hidden.map(|drawn| (HiddenEffect::Joint(drawn), target_nm));
-    World { campaign, plain, seed }.simulate(effects.into_iter().collect())
+    let effect = hidden.map(HiddenEffect::Joint);
+    let target = effect.map(|effect| Target { effect, torque_nm: target_nm });
+    World { campaign, plain, seed }.simulate(target.into_iter().collect())
 }
 
 /// Draws the joint with its rigid-body parts and without a hidden effect.

@@ -4,12 +4,13 @@
 //! noise, resolution and delay, columns of another joint or of a payload that have no effect, another reading of the torque, and
 //! the set-point of the joint's own velocity.
 
+use super::UnkindWorld;
 use super::campaign::{AddedColumn, Campaign, RunPlan};
 use super::hidden_effect::HiddenEffect;
 use super::mechanism::{Along, Coupling, Payload, TravelShape};
 use super::motions::{Drive, STYLES, Style, draw_motion};
 use super::sensing::Clock;
-use super::{UnkindWorld, world::World};
+use super::world::{Target, World};
 use super::{draw_rigid_joint, effect, family::Family, mechanism::Mechanism, sensor_kind};
 use simulated_machines::conditions::{Extra, Signal};
 use simulated_machines::effects::Wave;
@@ -77,7 +78,7 @@ pub(super) fn draw(seed: u64) -> UnkindWorld {
     let mut draw_effect = |cause: &Cause| {
         let effect = draw_effect(&mut sampler, &mut campaign, *cause);
         let ratio = sampler.log_between(EFFECT_TO_NOISE.0, EFFECT_TO_NOISE.1);
-        (effect, campaign.sensing.noise_nm * ratio)
+        Target { effect, torque_nm: campaign.sensing.noise_nm * ratio }
     };
     let effects = causes.iter().map(&mut draw_effect).collect();
     World { campaign, plain, seed }.simulate(effects)

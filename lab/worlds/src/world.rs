@@ -23,6 +23,30 @@ pub(super) struct World {
     pub seed: u64,
 }
 
+/// An effect to hide, and the torque to which it is scaled.
+pub(super) struct Target {
+    pub effect: HiddenEffect,
+    /// RMS of its torque alone, Nm.
+    pub torque_nm: f64,
+}
+
+/// A simulated world: its true torque with and without its effects, and the seal of its models.
+struct Simulation<'a> {
+    effects: &'a [HiddenEffect],
+    without: Rows,
+    torque: Rows,
+    trajectories: Vec<Trajectory>,
+    seal: Seal,
+}
+
+/// What an effect adds to the torque beside the other effects, Nm, without lost rows.
+struct EffectRows {
+    /// In the true plant.
+    in_plant: Rows,
+    /// In the model that knows the others.
+    modelled: Rows,
+}
+
 impl World {
     /// Returns the torque of each row after the sensor channel and without noise, Nm.
     fn torques(&self, machine: &Machine, trajectories: &[Trajectory]) -> Rows {
@@ -129,89 +153,126 @@ impl World {
     }
 
     /// Scales the effects to their targets, simulates the torque, determines the detectability, and creates the log.
-    pub fn simulate(self, mut effects: Vec<(HiddenEffect, f64)>) -> UnkindWorld {
+    pub fn simulate(self, targets: Vec<Target>) -> UnkindWorld {
         let trajectories = self.trajectories(0.0);
         let without = self.true_torques(&self.plain, &trajectories);
-        for (effect, target_nm) in &mut effects {
-            self.scale_effect(effect, *target_nm, &trajectories, &without);
-        }
-        let effects: Vec<HiddenEffect> = effects.into_iter().map(|(effect, _)| effect).collect();
+        let effects: Vec<HiddenEffect> = targets
+            .into_iter()
+            .map(|Target { mut effect, torque_nm }| {
+                self.scale_effect(&mut effect, torque_nm, &trajectories, &without);
+                effect
+            })
+            .collect();
         let all = self.with_effects(effects.iter());
-        let torque = if effects.is_empty() {
-            without.clone()
-        } else {
-            self.true_torques(&all, &trajectories)
+        let torque = match effects.is_empty() {
+            true => without.clone(),
+            false => self.true_torques(&all, &trajectories),
         };
-        let runs = || self.campaign.runs.iter().zip(&trajectories).zip(&torque);
-        let log_with = |mechanism: &Mechanism| -> Vec<Readings> {
-            runs()
-                .map(|((plan, trajectory), torque)| {
-                    self.read(&plan.run, mechanism, trajectory, torque)
-                })
-                .collect()
-        };
-        let logged = log_with(&all);
-        let corrected = all.encoder.map(|_| log_with(&Mechanism { encoder: None, ..all.clone() }));
-        // Bristles fitted to the other plants, effects included: the best result of a law with one state.
-        let seal = match self.campaign.plant {
+        let logged = self.read_runs(&all, &trajectories, &torque);
+        let corrected = all.encoder.map(|_| {
+            let corrected = Mechanism { encoder: None, ..all.clone() };
+            self.read_runs(&corrected, &trajectories, &torque)
+        });
+        let seal = self.modelled_seal(&all, &torque);
+        let model = with_seal(&all, seal);
+        let errors = self.floor(&model, &trajectories, corrected.as_ref().unwrap_or(&logged));
+        let errors = self.kept(&errors);
+        let simulation = Simulation { effects: &effects, without, torque, trajectories, seal };
+        let hidden = self.visible_effects(&simulation, &model, &errors);
+        let (log, floor_nm) = (self.log(&logged), rms(&errors));
+        let truth = self.truth(hidden, floor_nm, errors, self.kept(&simulation.torque));
+        UnkindWorld { log, truth }
+    }
+
+    /// Returns the readings of all runs.
+    fn read_runs(
+        &self,
+        mechanism: &Mechanism,
+        trajectories: &[Trajectory],
+        torque: &Rows,
+    ) -> Vec<Readings> {
+        let runs = self.campaign.runs.iter().zip(trajectories).zip(torque);
+        runs.map(|((plan, trajectory), torque)| self.read(&plan.run, mechanism, trajectory, torque))
+            .collect()
+    }
+
+    /// Returns the seal of a model with bristles: that of the plant, or bristles fitted to the other plants with their
+    /// effects, which is the best result of a law with one state.
+    fn modelled_seal(&self, all: &Mechanism, torque: &Rows) -> Seal {
+        match self.campaign.plant {
             Plant::Bristles => self.campaign.seal,
             Plant::SlipElements { .. } | Plant::LubricatedSeal(_) => {
                 let late = self.model_trajectories(all.joint.delay_s);
-                bristle_fit::fit(&self.campaign, &all, &late, &torque)
+                bristle_fit::fit(&self.campaign, all, &late, torque)
             }
-        };
-        let fitted = |mechanism: &Mechanism| {
-            let joint =
-                Joint { seal: with_effect(seal, &mechanism.joint.seal), ..mechanism.joint.clone() };
-            Mechanism { joint, ..mechanism.clone() }
-        };
-        let errors =
-            self.floor(&fitted(&all), &trajectories, corrected.as_ref().unwrap_or(&logged));
-        let kept = |rows: &Rows| -> Rows {
-            let run = |(rows, plan): (&Vec<f64>, &RunPlan)| plan.run.keep(rows);
-            rows.iter().zip(&self.campaign.runs).map(run).collect()
-        };
-        let errors = kept(&errors);
+        }
+    }
+
+    /// Returns the values of the rows that are not lost.
+    fn kept(&self, rows: &Rows) -> Rows {
+        let runs = rows.iter().zip(&self.campaign.runs);
+        runs.map(|(rows, plan)| plan.run.keep(rows)).collect()
+    }
+
+    /// Returns the effects with their detectability, the most visible first. `errors` are those of a model of everything.
+    fn visible_effects(
+        &self,
+        simulation: &Simulation,
+        model: &Mechanism,
+        errors: &Rows,
+    ) -> Vec<truth::HiddenEffect> {
         let thinned = self.model_trajectories(0.0);
-        let modelled = self.model(&fitted(&all), &thinned, true);
-        // What each effect adds in the true plant, and in the model that knows the others.
-        let parts: Vec<(Rows, Rows)> = (0..effects.len())
-            .map(|effect_index| {
-                let others = effects.iter().enumerate().filter(|(at, _)| *at != effect_index);
-                let rest = self.with_effects(others.map(|(_, effect)| effect));
-                let effect = if matches!(effects[effect_index], HiddenEffect::Encoder(_)) {
-                    difference(&modelled, &self.model(&fitted(&all), &thinned, false))
-                } else {
-                    difference(&modelled, &self.model(&fitted(&rest), &thinned, true))
-                };
-                let rest = if effects.len() == 1 {
-                    without.clone()
-                } else {
-                    self.true_torques(&rest, &trajectories)
-                };
-                (kept(&difference(&torque, &rest)), kept(&effect))
-            })
+        let modelled = self.model(model, &thinned, true);
+        let parts: Vec<EffectRows> = (0..simulation.effects.len())
+            .map(|place| self.effect_rows(simulation, place, &thinned, &modelled))
             .collect();
+        let plain = with_seal(&self.plain, simulation.seal);
         let base: Vec<Rows> =
-            self.base_columns(&fitted(&self.plain), &thinned).iter().map(kept).collect();
-        let floor_nm = rms(&errors);
-        let mut hidden: Vec<truth::HiddenEffect> = (0..effects.len())
-            .map(|effect_index| {
-                let others = (0..effects.len()).filter(|at| *at != effect_index);
+            self.base_columns(&plain, &thinned).iter().map(|rows| self.kept(rows)).collect();
+        let floor_nm = rms(errors);
+        let mut hidden: Vec<truth::HiddenEffect> = (0..parts.len())
+            .map(|place| {
+                let others = (0..parts.len()).filter(|other| *other != place);
                 let mut base = base.clone();
-                base.extend(others.map(|at| parts[at].1.clone()));
-                let visible = evaluate_visibility(&parts[effect_index].1, &base, &errors);
+                base.extend(others.map(|other| parts[other].modelled.clone()));
+                let visible = evaluate_visibility(&parts[place].modelled, &base, errors);
+                let torque_nm = rms(&parts[place].in_plant);
                 truth::HiddenEffect {
-                    hidden: effects[effect_index]
-                        .describe(&self.campaign, rms(&parts[effect_index].0)),
+                    hidden: simulation.effects[place].describe(&self.campaign, torque_nm),
                     effect_in_floors: visible.rms_nm / floor_nm,
                     gain_in_errors: visible.gain_in_errors,
                 }
             })
             .collect();
         hidden.sort_by(|a, b| b.effect_in_floors.total_cmp(&a.effect_in_floors));
-        let truth = self.truth(hidden, floor_nm, errors, kept(&torque));
-        UnkindWorld { log: self.log(&logged), truth }
+        hidden
+    }
+
+    /// Returns what an effect adds beside the others. `modelled` is the torque of the model of all effects.
+    fn effect_rows(
+        &self,
+        simulation: &Simulation,
+        place: usize,
+        thinned: &[Trajectory],
+        modelled: &Rows,
+    ) -> EffectRows {
+        let effects = simulation.effects;
+        let others = effects.iter().enumerate().filter(|(other, _)| *other != place);
+        let rest = self.with_effects(others.map(|(_, effect)| effect));
+        let model_without = if matches!(effects[place], HiddenEffect::Encoder(_)) {
+            let all = with_seal(&self.with_effects(effects.iter()), simulation.seal);
+            self.model(&all, thinned, false)
+        } else {
+            self.model(&with_seal(&rest, simulation.seal), thinned, true)
+        };
+        let plant_without = match effects.len() {
+            1 => simulation.without.clone(),
+            _ => self.true_torques(&rest, &simulation.trajectories),
+        };
+        EffectRows {
+            in_plant: self.kept(&difference(&simulation.torque, &plant_without)),
+            modelled: self.kept(&difference(modelled, &model_without)),
+        }
     }
 
     /// Returns the derivatives of the plant's torque by its parameters, run by run.
@@ -308,6 +369,12 @@ impl World {
         });
         tried.min_by(|a, b| rms(a).total_cmp(&rms(b))).unwrap_or_default()
     }
+}
+
+/// Returns a mechanism with another seal, which keeps the effects of load and pressure.
+fn with_seal(mechanism: &Mechanism, seal: Seal) -> Mechanism {
+    let seal = with_effect(seal, &mechanism.joint.seal);
+    Mechanism { joint: Joint { seal, ..mechanism.joint.clone() }, ..mechanism.clone() }
 }
 
 /// Returns `seal` with the hidden effect of `hidden`.
