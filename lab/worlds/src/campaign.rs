@@ -327,6 +327,97 @@ fn draw_extras(sampler: &mut Sampler) -> Vec<Extra> {
     all.into_iter().filter(|_| sampler.chance(0.15)).collect()
 }
 
+/// Normalised course of each quantity in each run, before it has its range.
+struct Courses {
+    /// Levels from -1 to 1.
+    levels: Vec<Vec<f64>>,
+    /// True if the quantity varies within the runs.
+    varies: Vec<bool>,
+    /// Frequency, Hz, and phase, rad, of the variation.
+    waves: Vec<Vec<(f64, f64)>>,
+    /// Largest correlation between two quantities that was drawn.
+    correlation: f64,
+}
+
+impl Courses {
+    /// Draws independent courses, and then mixes some levels with those of a leading quantity.
+    fn draw(sampler: &mut Sampler, quantities: usize, runs: usize, seconds: f64) -> Self {
+        let steps = sampler.chance(0.3).then(|| 2 + sampler.below(5));
+        let rounded = |x: f64| match steps {
+            Some(steps) => ((x + 1.0) * 0.5 * steps as f64).round() / steps as f64 * 2.0 - 1.0,
+            None => x,
+        };
+        let mut levels: Vec<Vec<f64>> = (0..quantities)
+            .map(|_| (0..runs).map(|_| rounded(sampler.between(-1.0, 1.0))).collect())
+            .collect();
+        // In some campaigns one quantity, mostly the temperature, rises with the order of the runs.
+        if sampler.chance(0.3) {
+            let which = if sampler.chance(0.6) { 2 } else { sampler.below(quantities) };
+            let share = sampler.between(0.5, 1.0);
+            for (at, level) in levels[which].iter_mut().enumerate() {
+                let rise = 2.0 * at as f64 / (runs.max(2) - 1) as f64 - 1.0;
+                *level = share * rise + (1.0 - share) * *level;
+            }
+        }
+        let varies: Vec<bool> = (0..quantities).map(|_| sampler.chance(0.6)).collect();
+        let mut wave = || (sampler.log_between(0.5 / seconds, 5.0), sampler.between(0.0, TAU));
+        let waves = (0..quantities).map(|_| (0..runs).map(|_| wave()).collect()).collect();
+        let mut courses = Self { levels, varies, waves, correlation: 0.0 };
+        (0..2).for_each(|_| courses.correlate(sampler));
+        courses
+    }
+
+    /// Lets a quantity follow another in some campaigns.
+    fn correlate(&mut self, sampler: &mut Sampler) {
+        let Self { levels, waves, .. } = self;
+        let quantities = levels.len();
+        let (leader, follower) = (sampler.below(quantities), sampler.below(quantities));
+        if leader == follower || sampler.chance(0.4) {
+            return;
+        }
+        let correlation = sampler.between(0.3, 0.9);
+        self.correlation = self.correlation.max(correlation);
+        let independent = (1.0f64 - correlation * correlation).sqrt();
+        for run in 0..levels[leader].len() {
+            levels[follower][run] =
+                correlation * levels[leader][run] + independent * levels[follower][run];
+            waves[follower][run] = waves[leader][run];
+        }
+    }
+
+    /// Draws the signal of a quantity in a run, about a middle and with half of its range.
+    fn signal(&self, sampler: &mut Sampler, place: Place, range: HalfRange) -> Signal {
+        let Place { quantity, run, seconds } = place;
+        let HalfRange { middle, half } = range;
+        let (hz, phase) = self.waves[quantity][run];
+        let varies = self.varies[quantity];
+        let swing = if varies { half * sampler.between(0.02, 0.35) } else { 0.0 };
+        let is_slow = quantity == 2 || quantity >= COVARIATES.len();
+        Signal {
+            level: middle + half * self.levels[quantity][run],
+            per_s: if varies { half * sampler.between(-0.3, 0.3) / seconds } else { 0.0 },
+            swing: if is_slow { 0.1 * swing } else { swing },
+            hz: if is_slow { hz.min(0.1) } else { hz },
+            phase,
+        }
+    }
+}
+
+/// A quantity in a run of a length.
+#[derive(Clone, Copy)]
+struct Place {
+    quantity: usize,
+    run: usize,
+    seconds: f64,
+}
+
+/// Range of a quantity.
+#[derive(Clone, Copy)]
+struct HalfRange {
+    middle: f64,
+    half: f64,
+}
+
 /// Draws the covariates of each run.
 ///
 /// Returns them with the largest correlation between two quantities that was drawn.
@@ -337,76 +428,27 @@ fn draw_conditions(
     coulomb_nm: f64,
     extras: &[Extra],
 ) -> (Vec<Condition>, f64) {
-    let quantities = COVARIATES.len() + extras.len();
-    // Normalised levels from -1 to 1. They are drawn independently and then mixed with those of a leading quantity.
-    let steps = sampler.chance(0.3).then(|| 2 + sampler.below(5));
-    let rounded = |x: f64| match steps {
-        Some(steps) => ((x + 1.0) * 0.5 * steps as f64).round() / steps as f64 * 2.0 - 1.0,
-        None => x,
-    };
-    let mut levels: Vec<Vec<f64>> = (0..quantities)
-        .map(|_| (0..runs).map(|_| rounded(sampler.between(-1.0, 1.0))).collect())
-        .collect();
-    // In some campaigns one quantity, mostly the temperature, rises with the order of the runs.
-    if sampler.chance(0.3) {
-        let which = if sampler.chance(0.6) { 2 } else { sampler.below(quantities) };
-        let share = sampler.between(0.5, 1.0);
-        for (at, level) in levels[which].iter_mut().enumerate() {
-            let rise = 2.0 * at as f64 / (runs.max(2) - 1) as f64 - 1.0;
-            *level = share * rise + (1.0 - share) * *level;
-        }
-    }
-    let varies: Vec<bool> = (0..quantities).map(|_| sampler.chance(0.6)).collect();
-    let mut shapes: Vec<Vec<(f64, f64)>> = (0..quantities)
-        .map(|_| {
-            (0..runs)
-                .map(|_| (sampler.log_between(0.5 / seconds, 5.0), sampler.between(0.0, TAU)))
-                .collect()
-        })
-        .collect();
-    let mut strongest: f64 = 0.0;
-    for _ in 0..2 {
-        let (leader, follower) = (sampler.below(quantities), sampler.below(quantities));
-        if leader == follower || sampler.chance(0.4) {
-            continue;
-        }
-        let correlation = sampler.between(0.3, 0.9);
-        strongest = strongest.max(correlation);
-        let independent = (1.0f64 - correlation * correlation).sqrt();
-        for run in 0..runs {
-            levels[follower][run] =
-                correlation * levels[leader][run] + independent * levels[follower][run];
-            shapes[follower][run] = shapes[leader][run];
-        }
-    }
+    let courses = Courses::draw(sampler, COVARIATES.len() + extras.len(), runs, seconds);
     let pause_s = sampler.log_between(1.0, 600.0);
-    let mut start_s = 0.0;
     let load_nm = coulomb_nm * sampler.log_between(0.3, 10.0);
+    let mut start_s = 0.0;
     let conditions = (0..runs).map(|run| {
-        let mut signal = |at: usize, middle: f64, half: f64| {
-            let (hz, phase) = shapes[at][run];
-            let swing = if varies[at] { half * sampler.between(0.02, 0.35) } else { 0.0 };
-            let slow = at == 2 || at >= COVARIATES.len();
-            Signal {
-                level: middle + half * levels[at][run],
-                per_s: if varies[at] { half * sampler.between(-0.3, 0.3) / seconds } else { 0.0 },
-                swing: if slow { 0.1 * swing } else { swing },
-                hz: if slow { hz.min(0.1) } else { hz },
-                phase,
-            }
-        };
-        let [force, pressure, temperature, load] = [0, 1, 2, 3].map(|at| {
-            let (_, middle, half) = COVARIATES[at];
-            signal(at, middle, if at == 3 { load_nm } else { half })
+        let mut signal =
+            |quantity, range| courses.signal(sampler, Place { quantity, run, seconds }, range);
+        let [force, pressure, temperature, load] = [0, 1, 2, 3].map(|quantity| {
+            let (_, middle, half) = COVARIATES[quantity];
+            let half = if quantity == 3 { load_nm } else { half };
+            signal(quantity, HalfRange { middle, half })
         });
-        let extras = extras.iter().enumerate().map(|(at, &extra)| {
+        let extras = extras.iter().enumerate().map(|(place, &extra)| {
             let (least, most) = extra.range();
-            (extra, signal(COVARIATES.len() + at, 0.5 * (least + most), 0.5 * (most - least)))
+            let range = HalfRange { middle: 0.5 * (least + most), half: 0.5 * (most - least) };
+            (extra, signal(COVARIATES.len() + place, range))
         });
         let extras = extras.collect();
         let condition = Condition { start_s, force, pressure, temperature, load, extras };
         start_s += 1.5 * seconds + pause_s;
         condition
     });
-    (conditions.collect(), strongest)
+    (conditions.collect(), courses.correlation)
 }

@@ -21,6 +21,7 @@ mod column_relation;
 mod devices;
 mod effect;
 mod family;
+mod filters;
 mod hidden_effect;
 mod logging;
 mod lubricated;
