@@ -38,6 +38,7 @@ fn main() {
 /// the build: otherwise the image would be that of another board.
 fn select_wiring() {
     const PREFIX: &str = "CARGO_FEATURE_WIRING_";
+    const PINS: &str = "src/boards/stm32g474/pins.rs";
     let names = env::vars_os().filter_map(|(name, _)| name.into_string().ok());
     let names: Vec<_> =
         names.filter_map(|name| name.strip_prefix(PREFIX).map(str::to_lowercase)).collect();
@@ -46,11 +47,11 @@ fn select_wiring() {
         [name] => name,
         _ => panic!("features: one wiring at most, found {}", names.join(", ")),
     };
-    let pins = fs::read_to_string("src/boards/stm32g474/pins.rs").expect("a source");
+    let pins = fs::read_to_string(PINS).unwrap_or_else(|error| panic!("{PINS}: {error}"));
     if !pins.contains(&format!("wiring = \"{wiring}\"")) {
-        panic!("features: wiring-{wiring} has no line in src/boards/stm32g474/pins.rs");
+        panic!("features: wiring-{wiring} has no line in {PINS}");
     }
-    println!("cargo::rerun-if-changed=src/boards/stm32g474/pins.rs");
+    println!("cargo::rerun-if-changed={PINS}");
     println!("cargo::rustc-cfg=wiring=\"{wiring}\"");
 }
 
@@ -108,12 +109,8 @@ fn read_update_key(path: &str) -> String {
     println!("cargo::rerun-if-changed={path}");
     let text = fs::read_to_string(path).unwrap_or_else(|error| panic!("{path}: {error}"));
     let digits = text.trim().strip_prefix("ed25519-public ").unwrap_or_default();
-    let key: Vec<u8> = (0..digits.len() / 2)
-        .filter_map(|at| u8::from_str_radix(digits.get(2 * at..2 * at + 2)?, 16).ok())
-        .collect();
-    assert!(
-        key.len() == 32 && digits.len() == 64,
-        "{path}: no public key of host-sim sign --new-key"
-    );
-    format!("{key:?}")
+    let is_key = digits.len() == 64 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    assert!(is_key, "{path}: expected a public key of host-sim sign --new-key");
+    let bytes: String = (0..32).map(|at| format!("0x{},", &digits[2 * at..2 * at + 2])).collect();
+    format!("[{bytes}]")
 }

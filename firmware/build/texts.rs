@@ -3,8 +3,8 @@
 //! A text is the literal of a `text!` or `refusal!`. Texts that macros make of lists of fields are tables of the crates already.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// Writes `texts.rs`, the expression of an array of the texts in these folders of sources.
 pub fn write(folders: &[PathBuf], out: &Path) {
@@ -17,7 +17,13 @@ pub fn write(folders: &[PathBuf], out: &Path) {
     }
     let texts: String =
         literals.iter().map(|text| format!("    compensator_core::text!(\"{text}\"),\n")).collect();
-    fs::write(out.join("texts.rs"), format!("[\n{texts}]\n")).expect("OUT_DIR can be written");
+    let file = out.join("texts.rs");
+    done(&file, fs::write(&file, format!("[\n{texts}]\n")));
+}
+
+/// Returns the value of an operation on a file or folder, or ends the build.
+fn done<T>(path: &Path, result: io::Result<T>) -> T {
+    result.unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 /// Start of the tests at the end of a file. The attribute alone stands before other items too, which have texts behind them.
@@ -25,27 +31,40 @@ const TESTS: &str = "#[cfg(test)]\nmod tests {";
 
 /// Adds the literals of all sources of a folder, without those of tests at the end of a file and of documentation.
 fn collect(folder: &Path, literals: &mut BTreeSet<String>) {
-    let entries =
-        fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    for path in entries.map(|entry| entry.expect("an entry").path()) {
+    for entry in done(folder, fs::read_dir(folder)) {
+        let path = done(folder, entry).path();
         if path.is_dir() {
             collect(&path, literals);
         } else if path.extension().is_some_and(|extension| extension == "rs") {
-            let source = fs::read_to_string(&path).expect("text");
-            let shipped = source.split(TESTS).next().unwrap_or_default();
-            let code: Vec<_> =
-                shipped.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
-            let code = code.join("\n");
-            for name in ["text!(", "refusal!("] {
-                literals.extend(code.split(name).skip(1).filter_map(literal).map(str::to_owned));
+            collect_source(&path, literals);
+        }
+    }
+}
+
+fn collect_source(path: &Path, literals: &mut BTreeSet<String>) {
+    let source = done(path, fs::read_to_string(path));
+    let shipped = source.split(TESTS).next().unwrap_or_default();
+    let code: Vec<_> =
+        shipped.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+    let code = code.join("\n");
+    for name in ["text!(", "refusal!("] {
+        for argument in code.split(name).skip(1).map(str::trim_start) {
+            // What macros make of their arguments.
+            if argument.starts_with('$') || argument.starts_with("stringify!") {
+                continue;
             }
+            let text = literal(argument).unwrap_or_else(|| {
+                let line = argument.lines().next().unwrap_or_default();
+                panic!("{}: expected a literal after {name}, found {line}", path.display())
+            });
+            literals.insert(text.to_owned());
         }
     }
 }
 
 /// Returns what stands between the quotes of the literal at the start of a source, with its escapes; `None` without one.
 fn literal(source: &str) -> Option<&str> {
-    let text = source.trim_start().strip_prefix('"')?;
+    let text = source.strip_prefix('"')?;
     let mut is_escaped = false;
     let end = text.find(|letter| {
         let is_end = letter == '"' && !is_escaped;

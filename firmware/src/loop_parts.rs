@@ -15,8 +15,8 @@ use compensator_core::text;
 /// Properties of a power stage that apply in addition to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTraits {
-    /// Age of the angle of an encoder that is read in frames, caused by the way it is read, s. It is added to the parameter `encoder_delay_s`,
-    /// the delay of the sensor itself.
+    /// Age of the angle of an encoder that is read in frames, caused by the way it is read, s. It is added to the
+    /// parameter `encoder_delay_s`, the delay of the sensor itself.
     pub encoder_age_s: f32,
     /// The same of an encoder with BiSS C, which latches earlier.
     pub biss_age_s: f32,

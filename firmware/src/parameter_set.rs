@@ -176,9 +176,8 @@ impl ParameterSet {
         self.motor.build(PERIOD_S).map(|_| ())
     }
 
-    /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`] of the sign of the shunts, and of the encoder if it is
-    /// not an AS5047P; never 0. A joint stays commissioned if
-    /// other parameters change.
+    /// Returns the CRC of the values of [`Self::WIRING_PARAMETERS`], of the sign of the shunts, and of the encoder if it is
+    /// not an AS5047P; never 0. A joint stays commissioned if other parameters change.
     pub fn wiring_crc(&self) -> u32 {
         const WIRING: [Text; 10] = Text::all(ParameterSet::WIRING_PARAMETERS);
         let mut digest = Crc32::new();

@@ -64,13 +64,6 @@ fn default(read: &mut Read<'_>, object: &Object, sub_index: u8, entry: &Entry) -
     })
 }
 
-fn list(text: &mut String, name: &str, objects: &[&Object]) {
-    let _ = write!(text, "\n[{name}]\nSupportedObjects={}\n", objects.len());
-    for (place, object) in objects.iter().enumerate() {
-        let _ = writeln!(text, "{}=0x{:04X}", place + 1, object.index);
-    }
-}
-
 /// Returns the comment before an entry. The format has no key for the level, and tools accept comments only there.
 fn level_comment(object: &Object, sub_index: u8, entry: &Entry) -> &'static str {
     let is_written = !matches!(entry.access, Access::Const | Access::ReadOnly);
@@ -96,93 +89,104 @@ fn value(text: &mut String, read: &mut Read<'_>, object: &Object, sub_index: u8,
     let _ = writeln!(text, "PDOMapping={mapped}");
 }
 
+const FILE_AND_DEVICE: &str = "\
+[FileInfo]
+FileName=joint.eds
+FileVersion=1
+FileRevision=1
+EDSVersion=4.0
+Description=Friction-compensated joint driver
+CreationTime=12:00PM
+CreationDate=01-05-2026
+CreatedBy=joint driver project
+ModificationTime=12:00PM
+ModificationDate=11-28-2026
+ModifiedBy=joint driver project
+
+[DeviceInfo]
+VendorName=none
+VendorNumber=0x0
+ProductName=joint driver
+ProductNumber=0x46524943
+RevisionNumber=0x2
+OrderCode=0
+";
+
+const AFTER_BIT_RATES: &str = "\
+SimpleBootUpMaster=0
+SimpleBootUpSlave=1
+Granularity=0
+DynamicChannelsSupported=0
+GroupMessaging=0
+NrOfRXPDO=6
+NrOfTXPDO=6
+LSS_Supported=1
+
+[DummyUsage]
+Dummy0001=0
+Dummy0002=0
+Dummy0003=0
+Dummy0004=0
+Dummy0005=0
+Dummy0006=0
+Dummy0007=0
+";
+
+/// Bit rates that the format has keys for.
+const EDS_BIT_RATES_KBIT: [u16; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];
+
+fn lists(text: &mut String) {
+    let is_mandatory = |index: u16| MANDATORY.contains(&index);
+    let is_manufacturers = |index: u16| (0x2000..0x6000).contains(&index);
+    let mut list = |name: &str, contains: &dyn Fn(u16) -> bool| {
+        let objects: Vec<_> = OBJECTS.iter().filter(|object| contains(object.index)).collect();
+        let _ = write!(text, "\n[{name}]\nSupportedObjects={}\n", objects.len());
+        for (place, object) in objects.iter().enumerate() {
+            let _ = writeln!(text, "{}=0x{:04X}", place + 1, object.index);
+        }
+    };
+    list("MandatoryObjects", &is_mandatory);
+    list("OptionalObjects", &|index| !is_manufacturers(index) && !is_mandatory(index));
+    list("ManufacturerObjects", &is_manufacturers);
+}
+
+/// Adds an object that has sub-indices, and the value of each of them.
+fn values(text: &mut String, read: &mut Read<'_>, object: &Object) {
+    let is_array = matches!(object.shape, Shape::Array(..));
+    let kind = if is_array { 8 } else { 9 };
+    let sub_indices = u16::from(object.highest_sub_index()) + 1;
+    let _ = writeln!(text, "ObjectType=0x{kind}\nSubNumber={sub_indices}");
+    for sub_index in 0..=object.highest_sub_index() {
+        let entry = object.entry(sub_index).expect("within its last");
+        let name = match sub_index {
+            0 => "highest_sub_index".to_owned(),
+            _ if is_array || entry.name == "term" => format!("{}_{sub_index}", entry.name),
+            _ => entry.name.to_owned(),
+        };
+        let comment = level_comment(object, sub_index, &entry);
+        let section = format!("{:04X}sub{sub_index:X}", object.index);
+        let _ = write!(text, "\n{comment}[{section}]\nParameterName={name}\n");
+        value(text, read, object, sub_index, &entry);
+    }
+}
+
 /// Returns the EDS. `read` returns the values of a new driver on its own sensors.
 pub fn eds(read: &mut Read<'_>) -> String {
-    let mut text = String::from(
-        "[FileInfo]\n\
-         FileName=joint.eds\n\
-         FileVersion=1\n\
-         FileRevision=1\n\
-         EDSVersion=4.0\n\
-         Description=Friction-compensated joint driver\n\
-         CreationTime=12:00PM\n\
-         CreationDate=01-05-2026\n\
-         CreatedBy=joint driver project\n\
-         ModificationTime=12:00PM\n\
-         ModificationDate=11-28-2026\n\
-         ModifiedBy=joint driver project\n\
-         \n\
-         [DeviceInfo]\n\
-         VendorName=none\n\
-         VendorNumber=0x0\n\
-         ProductName=joint driver\n\
-         ProductNumber=0x46524943\n\
-         RevisionNumber=0x2\n\
-         OrderCode=0\n",
-    );
-    for kbit in [10, 20, 50, 125, 250, 500, 800, 1000] {
+    let mut text = String::from(FILE_AND_DEVICE);
+    for kbit in EDS_BIT_RATES_KBIT {
         let _ = writeln!(text, "BaudRate_{kbit}={}", u8::from(BIT_RATES_KBIT.contains(&kbit)));
     }
-    text.push_str(
-        "SimpleBootUpMaster=0\n\
-         SimpleBootUpSlave=1\n\
-         Granularity=0\n\
-         DynamicChannelsSupported=0\n\
-         GroupMessaging=0\n\
-         NrOfRXPDO=6\n\
-         NrOfTXPDO=6\n\
-         LSS_Supported=1\n\
-         \n\
-         [DummyUsage]\n\
-         Dummy0001=0\n\
-         Dummy0002=0\n\
-         Dummy0003=0\n\
-         Dummy0004=0\n\
-         Dummy0005=0\n\
-         Dummy0006=0\n\
-         Dummy0007=0\n",
-    );
-    let all = |keep: &dyn Fn(u16) -> bool| -> Vec<&Object> {
-        OBJECTS.iter().filter(|object| keep(object.index)).collect()
-    };
-    list(&mut text, "MandatoryObjects", &all(&|index| MANDATORY.contains(&index)));
-    list(
-        &mut text,
-        "OptionalObjects",
-        &all(&|index| !(0x2000..0x6000).contains(&index) && !MANDATORY.contains(&index)),
-    );
-    list(&mut text, "ManufacturerObjects", &all(&|index| (0x2000..0x6000).contains(&index)));
+    text.push_str(AFTER_BIT_RATES);
+    lists(&mut text);
     for object in OBJECTS {
         let comment = match object.shape {
             Shape::Variable(entry) => level_comment(object, 0, &entry),
             _ => "",
         };
         let _ = write!(text, "\n{comment}[{:04X}]\nParameterName={}\n", object.index, object.name);
-        if let Shape::Variable(entry) = object.shape {
-            value(&mut text, read, object, 0, &entry);
-            continue;
-        }
-        let kind = if matches!(object.shape, Shape::Array(..)) { 8 } else { 9 };
-        let _ = writeln!(
-            text,
-            "ObjectType=0x{kind}\nSubNumber={}",
-            u16::from(object.highest_sub_index()) + 1
-        );
-        for sub_index in 0..=object.highest_sub_index() {
-            let entry = object.entry(sub_index).expect("within its last");
-            let many = matches!(object.shape, Shape::Array(..)) || entry.name == "term";
-            let name = match sub_index {
-                0 => "highest_sub_index".to_owned(),
-                _ if many => format!("{}_{sub_index}", entry.name),
-                _ => entry.name.to_owned(),
-            };
-            let _ = write!(
-                text,
-                "\n{}[{:04X}sub{sub_index:X}]\nParameterName={name}\n",
-                level_comment(object, sub_index, &entry),
-                object.index
-            );
-            value(&mut text, read, object, sub_index, &entry);
+        match object.shape {
+            Shape::Variable(entry) => value(&mut text, read, object, 0, &entry),
+            _ => values(&mut text, read, object),
         }
     }
     text

@@ -5,7 +5,6 @@
 //! two. `host-sim params` takes names from it. Objects from 1000h are those of CiA 301, from 2000h
 //! manufacturer specific, from 6000h those of CiA 402. Parameters are not listed again: their names come
 //! from the core's tables, and a sub-index is the parameter's number in its table plus one.
-
 //!
 //! *Service* objects need the service level ([`crate::access`]). What bounds the harm of open objects is not open itself:
 //! motor and wiring, limits, watches, stop reactions, gains, the settings in flash, the node's number, the program. What a
@@ -237,7 +236,7 @@ objects! {
     0x2012 ENCLOSURE record("enclosure", EnclosureObject::ENTRIES);
     0x2013 SCOPE armed(record("scope", ScopeObject::ENTRIES));
     0x2014 SCOPE_SIGNALS
-armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX_SIGNALS));
+        armed(array_of("scope_signals", entry("scope_signal", Unsigned8, ReadWrite), MAX_SIGNALS));
     0x2020 MODEL compact(record("model", &const {
         let mut entries = [entry("term", Unsigned8, ReadWrite); 2 + MAX_TERMS];
         entries[0] = entry("law", Unsigned8, ReadWrite);

@@ -38,7 +38,7 @@ pub struct ScopeSettings {
     pub trigger_signal: u8,
     /// Level of the trigger, in the unit of the signal.
     pub trigger_level: f32,
-    /// 1 for a signal that falls.
+    /// True for a signal that falls.
     pub is_falling: bool,
 }
 

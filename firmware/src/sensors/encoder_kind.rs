@@ -45,8 +45,7 @@ impl EncoderKind {
     }
 
     /// Returns the age of its angle at the sample of the currents, s, if the board latches frames of an AS504x and of BiSS C
-    /// at these ages. Counts and levels are read with the
-    /// sample, and Hall sensors are confirmed by the next one.
+    /// at these ages. Counts and levels are read with the sample, and Hall sensors are confirmed by the next one.
     pub const fn age_s(self, frames_age_s: f32, biss_age_s: f32) -> f32 {
         match self {
             Self::As5047p | Self::As5048a => frames_age_s,

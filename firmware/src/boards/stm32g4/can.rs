@@ -106,7 +106,7 @@ impl Controller {
         let mut setup =
             CanConfigurator::new(can.controller, can.receive, can.transmit, HandledInterrupts);
         let mut config = setup.config();
-        // Every legal bit rate has a timing, which scales.rs checks.
+        // Every legal bit rate has a timing, which rates.rs checks.
         if let Some(timing) = timing(bit_rate_kbit) {
             config.nbtr = timing;
         }

@@ -25,11 +25,13 @@ unsafe fn NonMaskableInt() {
     crate::boards::stop(&[Part::Text(why)]);
 }
 
-/// Stops the driver: an unexpected interrupt is a firmware error.
+/// Stops the driver: an exception without a handler is a firmware error. `number` is that of an interrupt, negative for other
+/// exceptions; the note has the number of the vector, which is 16 more.
 ///
 /// # Safety
 /// Only the processor calls it.
 #[cortex_m_rt::exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    crate::boards::stop(&[Part::Text("unexpected interrupt "), Part::Decimal(number as u32)])
+    let exception = u32::from((number + 16).unsigned_abs());
+    crate::boards::stop(&[Part::Text("unexpected exception "), Part::Decimal(exception)])
 }
