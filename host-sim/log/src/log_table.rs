@@ -88,7 +88,7 @@ impl<'a> LogTable<'a> {
             let table = Self::of_table(&request, table.columns)?;
             return Ok(Self { lines, bad_lines, notes, ..table });
         };
-        let [name, value] = wide.columns.map(|at| table.columns[at].0.as_str());
+        let [name, value] = [wide.name, wide.value].map(|at| &*table.columns[at].0);
         let note = format!(
             "the long table (one value a line: {name}, {value}) is read with a column for each name"
         );

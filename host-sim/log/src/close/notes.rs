@@ -1,13 +1,13 @@
 //! Notes on what became of a file's columns and rows.
 
-use super::ChannelLayout;
+use super::{ChannelLayout, RowCounts};
 use crate::clean::Cleaner;
 use crate::clock;
-use crate::columns::{ColumnUse, is_missing_value};
+use crate::columns::ColumnUse;
 use crate::contract::{RUN, TIME};
 use crate::counter::unsigned_bits;
 use crate::dataset::{LeftOutColumn, Run};
-use crate::error::{BadCell, DataError};
+use crate::error::DataError;
 use crate::fill::Fill;
 use crate::order::MIN_PAUSE_S;
 use crate::setting::Setting;
@@ -61,12 +61,7 @@ impl Cleaner<'_> {
             if let Some((_, method)) = filled[at] {
                 let (numbers, rows) = (tally.numbers, self.rows);
                 let description = method.description();
-                // `found` holds texts in quotes, and also the words for a missing value.
-                let is_text = |cell: &&BadCell| {
-                    cell.found.starts_with('"')
-                        && !is_missing_value(cell.found.trim_matches('"').as_bytes())
-                };
-                let text = match tally.first_bad.iter().find(is_text) {
+                let text = match &tally.first_text {
                     Some(cell) => format!("; row {} holds {}", cell.row, cell.found),
                     None => String::new(),
                 };
@@ -98,10 +93,10 @@ impl Cleaner<'_> {
     pub(super) fn add_row_notes(
         &mut self,
         channels: ChannelLayout,
-        other_rows: usize,
-        [repeated, spread]: [usize; 2],
+        counts: &RowCounts,
         extra_recordings: usize,
     ) {
+        let RowCounts { repeated, spread, others, .. } = *counts;
         if self.unselected_rows > 0 {
             let asked =
                 self.layout.only.iter().map(|only| {
@@ -121,11 +116,11 @@ impl Cleaner<'_> {
         }
         match channels {
             ChannelLayout::Merged => self.note(format!(
-                "velocity and torque have separate time stamps: {other_rows} rows without a torque are ignored, and \
+                "velocity and torque have separate time stamps: {others} rows without a torque are ignored, and \
                  the velocity is interpolated in time at the rows with a torque"
             )),
             ChannelLayout::SeparateCovariates => self.note(format!(
-                "{other_rows} rows hold neither velocity nor torque, only columns with separate time stamps"
+                "{others} rows hold neither velocity nor torque, only columns with separate time stamps"
             )),
             ChannelLayout::Single => {}
         }
@@ -148,8 +143,8 @@ impl Cleaner<'_> {
     }
 
     /// Adds notes on rows that were sorted, and on rows that occur twice.
-    pub(super) fn add_order_notes(&mut self, late: usize, duplicates: usize) {
-        let rows = self.rows;
+    pub(super) fn add_order_notes(&mut self, counts: &RowCounts) {
+        let (rows, RowCounts { late, duplicates, .. }) = (self.rows, *counts);
         if duplicates > 0 {
             self.note(format!(
                 "{duplicates} of {rows} rows repeat an earlier row in all columns and are left out"
