@@ -62,6 +62,7 @@ mod by_contest;
 mod candidate;
 pub mod cause;
 mod ceiling;
+mod column_likeness;
 mod columns;
 pub mod contest;
 pub mod contest_calibration;
