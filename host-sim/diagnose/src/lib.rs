@@ -100,7 +100,7 @@ mod fixtures;
 pub use cause::{Cause, Remedy};
 pub use evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
 pub use extended::Size;
-pub use finding::{ConfoundedCause, Finding, probability_in_words};
+pub use finding::{ConfoundedCause, Finding, WaveOrder, probability_in_words};
 pub use hand_over::{HandOver, HandedOver};
 pub use leading_fault::Corrected;
 pub use naming::{NAMED, WeighedCause};
