@@ -20,6 +20,7 @@ mod without_term;
 use super::candidate::{Candidate, FitContext};
 use super::evidence::Evidence;
 use super::extended::{Extended, Size};
+use super::finding::WaveOrder;
 use super::train_test::TrainTest;
 use compensator_core::{ParameterId, TermKind};
 use std::fmt;
@@ -126,8 +127,8 @@ pub struct Cause {
     candidates: fn(&FitContext) -> Vec<Candidate>,
     /// How large it is in the extended model; `None` for the first parameter of its term.
     size: Option<fn(&Extended) -> Size>,
-    /// Of a periodic cause, its order with a standard error.
-    order: fn(&Extended) -> Option<(f64, f64)>,
+    /// Of a periodic cause, its order.
+    order: fn(&Extended) -> Option<WaveOrder>,
     /// A sentence of the meaning and the size.
     words: fn(&str, &Size, &Extended) -> String,
     /// Where it shows, for the columns that it follows.
@@ -222,7 +223,7 @@ impl Cause {
         self.size.map_or_else(of_term, |size| size(extended))
     }
 
-    pub(crate) fn order(&self, extended: &Extended) -> Option<(f64, f64)> {
+    pub(crate) fn order(&self, extended: &Extended) -> Option<WaveOrder> {
         (self.order)(extended)
     }
 

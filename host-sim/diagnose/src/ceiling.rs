@@ -10,10 +10,10 @@
 mod boosting;
 mod table;
 
-use super::left_out::{FEWEST_RUNS, LeftOut, STRETCHES};
+use super::left_out::{FEWEST_RUNS, LeftOut, stretch};
 use super::train_test::TrainTest;
 use boosting::{BinnedColumns, Tree};
-use friction_fit::{Predicted, Track};
+use friction_fit::Predicted;
 use joint_log::work::checkpoint;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -215,7 +215,7 @@ impl Ceiling {
         let mut table = Table::default();
         table.add(log, &log.test_tracks, after, |track, row| match by_run {
             true => track.run,
-            false => stretch(log, track, row),
+            false => stretch(&log.test, track, row),
         });
         if let Some(trained) = trained {
             table.add_training(log, trained);
@@ -227,12 +227,6 @@ impl Ceiling {
         let std_error = 0.5 * after.metrics.rmse * share.std_error / left.max(f64::MIN_POSITIVE);
         Self { rmse, std_error }
     }
-}
-
-/// Returns the stretch of its run in which a held-out row lies.
-fn stretch(log: &TrainTest, track: &Track, row: usize) -> usize {
-    let rows = log.test.runs[track.run].len().max(1);
-    ((track.first_row + row) * STRETCHES / rows).min(STRETCHES - 1)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! pass the filter of the torque channel, are weighted as their rows and decimated as the log. What the unknown torque at the
 //! start of a track explains is taken out.
 
-use super::candidate::{Regressor, Row};
+use super::candidate::{Candidate, Regressor, Row};
 use super::sensitivities::{Sensitivities, TrackSensitivities, exact};
 use super::train_test::TrainTest;
 use friction_fit::{Track, filter_column};
@@ -12,17 +12,18 @@ use joint_log::AntiAlias;
 use nalgebra::DMatrix;
 use std::ops::Range;
 
-/// Returns the columns along a track. A regressor comes with the index of the extra covariate that it reads, if any.
+/// Returns the columns of a model and of the regressors of candidates along a track, whose simulation is `at`.
 pub fn columns(
     log: &TrainTest,
     model: &Sensitivities,
-    (track, at): (&Track, &TrackSensitivities),
-    regressors: &[(&Regressor, Option<usize>)],
+    track: &Track,
+    at: &TrackSensitivities,
+    candidates: &[&Candidate],
 ) -> Vec<Vec<f64>> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
-    for (regressor, extra) in regressors {
-        let extra = extra.map(|index| &track.covariates[index]);
-        columns.push(match regressor {
+    for candidate in candidates {
+        let extra = candidate.extra.map(|index| &track.covariates[index]);
+        let column = |regressor: &Regressor| match regressor {
             Regressor::Exact(effect) => exact(model, track, at, effect),
             Regressor::Row(of) => {
                 let row = |row: usize| {
@@ -36,7 +37,8 @@ pub fn columns(
                 };
                 filter_column(track, (0..track.len()).map(row).collect())
             }
-        });
+        };
+        columns.extend(candidate.regressors.iter().map(column));
     }
     let mut memory = at.memory.clone();
     if !track.is_evenly_weighted() {

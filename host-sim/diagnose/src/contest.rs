@@ -34,14 +34,16 @@ mod solve;
 mod table;
 mod weights;
 
+pub(crate) use cause::acts_through_bristles;
 pub use cause_key::CauseKey;
 pub use correction::Correction;
 pub use detail::{Detail, Gap, WaveKind};
 pub(crate) use draws::DRAWS;
 pub use finalists::{Finalist, FinalistCause};
 pub use law::LawStart;
+pub(crate) use law::SMALLEST_LEVEL;
 pub use linear::LinearAnswer;
 pub(crate) use linear::plain;
-pub use outcome::{Figures, Outcome};
+pub use outcome::{EntryErrors, Figures, Outcome};
 pub use rows::{RigidBody, Rows};
 pub use run::contest;

@@ -19,8 +19,11 @@ use thiserror::Error;
 /// Table in the repository.
 const TABLE: &str = include_str!("../contest_calibration.toml");
 
-/// Lowest and highest probability, because no set of logs makes certain.
-const BOUNDS: (f64, f64) = (0.005, 0.995);
+/// Lowest probability, because no set of logs makes certain.
+pub(crate) const LEAST_PROBABILITY: f64 = 0.005;
+
+/// Highest probability, for the same reason.
+pub(crate) const MOST_PROBABILITY: f64 = 0.995;
 
 /// A figure of a candidate. More of it never speaks against the cause.
 pub struct Figure {
@@ -154,7 +157,7 @@ impl ContestCalibration {
                 low + (high - low) * (log_odds - from) / (to - from).max(1e-12)
             }
         };
-        probability.clamp(BOUNDS.0, BOUNDS.1)
+        probability.clamp(LEAST_PROBABILITY, MOST_PROBABILITY)
     }
 }
 
@@ -195,13 +198,16 @@ mod tests {
         assert!((calibration.calibrated(1.5) - 0.75).abs() < 1e-12);
         assert_eq!(
             (calibration.calibrated(-9.0), calibration.calibrated(9.0)),
-            (BOUNDS.0, BOUNDS.1)
+            (LEAST_PROBABILITY, MOST_PROBABILITY)
         );
     }
 
     #[test]
     fn probability_without_table_names_nothing() {
         let calibration = ContestCalibration::NONE;
-        assert_eq!(calibration.probability_of("backlash", "", &[9.0; FIGURES.len()]), BOUNDS.0);
+        assert_eq!(
+            calibration.probability_of("backlash", "", &[9.0; FIGURES.len()]),
+            LEAST_PROBABILITY
+        );
     }
 }

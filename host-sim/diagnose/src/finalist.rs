@@ -11,9 +11,11 @@ mod linear_fit;
 
 use super::candidate::{Candidate, FitContext, FoundSettings};
 use super::cause::{self, Cause};
-use super::contest::{Detail, Finalist, FinalistCause, Gap, LawStart};
+use super::contest::{
+    Detail, Finalist, FinalistCause, Gap, LawStart, SMALLEST_LEVEL, acts_through_bristles,
+};
 use super::left_out::one_step_left_out;
-use super::model::FittedModel;
+use super::model::{FittedModel, changed};
 use super::sensitivities::{Sensitivities, sensitivities};
 use super::train_test::{FollowedColumn, TrainTest};
 use ParameterId as Id;
@@ -37,8 +39,8 @@ const PATIENCE: usize = 3;
 /// Progress at which such a fit ends, as a share of the squared error.
 const STAGNATION: f64 = 2e-3;
 
-/// Largest ratio by which the linear fit changes a positive parameter of the law.
-const MAX_CHANGE: f64 = 3.0;
+/// Damping of the bristles at the start of a fit, as a share of the typical one. The columns of the contest know no damping.
+const LITTLE_DAMPING: f64 = 0.01;
 
 /// A cause with the term that takes it into the model.
 #[derive(Clone, Debug)]
@@ -62,12 +64,9 @@ pub struct FittedFinalist {
     pub held_out: Predicted,
 }
 
-/// Returns the law of the core that is nearest to a law of the contest. A gap, an age of the contact and a changing side load
-/// act through bristles.
+/// Returns the law of the core that is nearest to a law of the contest.
 pub fn law_kind(start: &LawStart, causes: &[FinalistCause]) -> LawKind {
-    let needs_bristles = causes.iter().any(|cause| {
-        ["backlash", "dwell-time-static", "radial-force-rate"].contains(&cause.key.cause)
-    });
+    let needs_bristles = causes.iter().any(|cause| acts_through_bristles(cause.key.cause));
     let has_curve = start.static_excess > 0.0;
     match start.name {
         "linear" if !needs_bristles => LawKind::Linear,
@@ -100,7 +99,7 @@ pub fn law_parameters(
         .filter(|cause| cause.key.cause == "backlash")
         .map(|cause| cause.sizes[0])
         .sum();
-    let coulomb = (start.coulomb + behind).max(0.02 * scales.torque);
+    let coulomb = (start.coulomb + behind).max(SMALLEST_LEVEL * scales.torque);
     let level = coulomb + start.static_excess;
     set(Id::CoulombTorque, coulomb);
     set(Id::CoulombTorqueNegative, coulomb);
@@ -109,7 +108,7 @@ pub fn law_parameters(
     set(Id::StribeckVelocity, start.stribeck_velocity);
     set(Id::ViscousFriction, start.viscous);
     set(Id::BristleStiffness, level / gap.map_or(start.travel, |gap| gap.travel).max(1e-12));
-    set(Id::BristleDamping, 0.01 * typical_value(Id::BristleDamping, &scales));
+    set(Id::BristleDamping, LITTLE_DAMPING * typical_value(Id::BristleDamping, &scales));
     set(Id::TemperatureReference, scales.temperature_c);
     Ok(parameters)
 }
@@ -166,6 +165,9 @@ pub fn fitted(
 }
 
 /// Returns the log with at most about `MOST_ROWS` training rows: the middle of each track.
+///
+/// Finalists are compared on rows of runs that are left out, so every run stays. The contest's own fit of the driver's law only
+/// needs a point to linearise at, and takes the heads of some tracks.
 pub fn excerpt(log: &TrainTest) -> TrainTest {
     let rows: usize = log.train_tracks.iter().map(|track| track.len()).sum();
     let mut excerpt = log.clone();
@@ -245,7 +247,7 @@ fn one_by_one(
     meant: &[usize],
 ) -> Result<FittedFinalist, SpecError> {
     let mut order = meant.to_vec();
-    let torque = |at: &usize| finalist.causes[*at].torque_rms.0;
+    let torque = |at: &usize| finalist.causes[*at].torque_rms;
     order.sort_by(|a, b| torque(b).total_cmp(&torque(a)));
     for at in order {
         let model = &best.model;
@@ -302,13 +304,16 @@ fn with_causes(
     let options = FitOptions { fixed: from.fixed.clone(), ..FitOptions::default() };
     let free = free_parameters(spec, parameters, &log.train_tracks, &options);
     let at = sensitivities(parameters, &free, &log.train_tracks, Resolution::PLAIN);
-    let entrants = entrants(log, finalist, (from, &at), meant);
+    let entrants = entrants(log, finalist, spec, &at, meant);
     let linear = LinearFit::new(log, &at, &entrants);
     let chosen = linear.choose();
     let solution = linear.solve(&chosen);
     let chosen: Vec<(&'static Cause, &Candidate)> = chosen
         .iter()
-        .map(|(entrant, at)| (entrants[*entrant].cause, &entrants[*entrant].candidates[*at]))
+        .map(|choice| {
+            let entrant = &entrants[choice.entrant];
+            (entrant.cause, &entrant.candidates[choice.candidate])
+        })
         .collect();
     let mut next = from.clone();
     for (cause, candidate) in &chosen {
@@ -336,10 +341,10 @@ fn with_causes(
 fn entrants(
     log: &TrainTest,
     finalist: &Finalist,
-    (from, at): (&Start, &Sensitivities),
+    spec: &Spec,
+    at: &Sensitivities,
     meant: &[usize],
 ) -> Vec<Entrant> {
-    let spec = &from.spec;
     let mut entrants: Vec<Entrant> = Vec::new();
     for found in meant.iter().map(|place| &finalist.causes[*place]) {
         let Some(cause) = cause::named(found.key.cause) else { continue };
@@ -360,16 +365,6 @@ fn entrants(
         }
     }
     entrants
-}
-
-/// Returns a parameter of the law after the change of the linear fit.
-fn changed(id: Id, value: f64, change: f64) -> f64 {
-    let info = id.info();
-    let mut next = value + change;
-    if value > 0.0 && info.lower >= 0.0 {
-        next = next.clamp(value / MAX_CHANGE, value * MAX_CHANGE);
-    }
-    next.clamp(info.lower, info.upper)
 }
 
 /// Returns true if a candidate is the variant that the contest has found.

@@ -19,6 +19,34 @@ pub struct ConfoundedCause {
     pub share: f64,
 }
 
+/// Order of a periodic cause: its phase over the position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaveOrder {
+    /// The order: waves a turn, or rad/m.
+    pub value: f64,
+    /// Its standard error.
+    pub std_error: f64,
+}
+
+impl WaveOrder {
+    /// Returns the order with two standard errors. A joint that slides has no turn, and gets the length of a wave.
+    fn in_words(self, joint: JointKind) -> String {
+        let (order, reach) = (self.value, 2.0 * self.std_error);
+        let with_reach = |value: f64, reach: f64| match reach > 0.0 {
+            true => with_error(value, reach),
+            false if value.fract() == 0.0 => format!("{value:.0}"),
+            false => significant(value, 4),
+        };
+        match joint {
+            JointKind::Revolute => format!("{} a turn", with_reach(order, reach)),
+            JointKind::Prismatic => {
+                let length = TAU / order;
+                format!("one wave in {} m", with_reach(length, length * reach / order))
+            }
+        }
+    }
+}
+
 /// One cause of the base model's error.
 #[derive(Clone, Debug)]
 pub struct Finding {
@@ -28,8 +56,8 @@ pub struct Finding {
     pub columns: Vec<String>,
     /// Size with its interval.
     pub size: Size,
-    /// Order of a periodic cause, with its standard error.
-    pub order: Option<(f64, f64)>,
+    /// Order of a periodic cause.
+    pub order: Option<WaveOrder>,
     /// Probability that the best of all candidates reaches this error reduction under the null
     /// hypothesis.
     pub p_value: f64,
@@ -79,10 +107,8 @@ impl Finding {
 
     /// Returns the words for a size, after the order of a periodic cause.
     pub fn with_order(&self, joint: JointKind, size: &str) -> String {
-        self.order.map_or_else(
-            || size.to_owned(),
-            |(order, error)| format!("{}: {size}", order_in_words(order, error, joint)),
-        )
+        self.order
+            .map_or_else(|| size.to_owned(), |order| format!("{}: {size}", order.in_words(joint)))
     }
 
     /// Returns what the finding does to the squared error.
@@ -92,24 +118,6 @@ impl Finding {
             true => format!("reduces the squared error by {percent} %"),
             false if self.share_of_residual == 0.0 => "does not show in the torque".to_owned(),
             false => format!("makes {percent} % of the squared error, which the model keeps"),
-        }
-    }
-}
-
-/// Returns the order of a wave along the position with two standard errors. A joint that slides has no turn, and gets the
-/// length of a wave.
-fn order_in_words(order: f64, error: f64, joint: JointKind) -> String {
-    let reach = 2.0 * error;
-    let with_reach = |value: f64, reach: f64| match reach > 0.0 {
-        true => with_error(value, reach),
-        false if value.fract() == 0.0 => format!("{value:.0}"),
-        false => significant(value, 4),
-    };
-    match joint {
-        JointKind::Revolute => format!("{} a turn", with_reach(order, reach)),
-        JointKind::Prismatic => {
-            let length = TAU / order;
-            format!("one wave in {} m", with_reach(length, length * reach / order))
         }
     }
 }
@@ -125,9 +133,10 @@ mod tests {
 
     #[test]
     fn order_in_words_names_turns_or_the_length_of_a_wave() {
-        assert_eq!(order_in_words(8.0, 0.0, JointKind::Revolute), "8 a turn");
-        assert_eq!(order_in_words(202.13, 0.11, JointKind::Revolute), "202.13 ± 0.22 a turn");
-        let slides = order_in_words(TAU / 0.02, TAU / 2.0, JointKind::Prismatic);
+        let words = |value, std_error, joint| WaveOrder { value, std_error }.in_words(joint);
+        assert_eq!(words(8.0, 0.0, JointKind::Revolute), "8 a turn");
+        assert_eq!(words(202.13, 0.11, JointKind::Revolute), "202.13 ± 0.22 a turn");
+        let slides = words(TAU / 0.02, TAU / 2.0, JointKind::Prismatic);
         assert_eq!(slides, "one wave in 0.02000 ± 0.00040 m");
     }
 

@@ -89,8 +89,17 @@ pub struct HandOver {
     pub held_out_of_driver: Metrics,
     /// True if the linear model stands for the base law with causes: it is handed over, and a cause is found.
     pub linear_extends: bool,
-    /// RMS errors on the way from the law of the linear model to all its causes, the one that takes most first.
-    pub steps: Vec<(&'static str, f64)>,
+    /// The law of the linear model, and each of its causes, the one that takes most first.
+    pub steps: Vec<HandOverStep>,
+}
+
+/// A step on the way from the law of the linear model to all its causes.
+#[derive(Clone, Debug)]
+pub struct HandOverStep {
+    /// Name of the law, or of the cause that is added last.
+    pub added: &'static str,
+    /// RMS error on held-out rows, Nm or N.
+    pub rmse: f64,
 }
 
 impl HandOver {

@@ -12,10 +12,11 @@
 //! A held-out stretch is still simulated, because the bristles depend on the previous motion.
 
 use super::columns::{columns, products};
-use super::model::FittedModel;
+use super::model::{FittedModel, changed};
 use super::sensitivities::sensitivities;
 use super::train_test::TrainTest;
 use friction_fit::{Metrics, Predicted, Track, predict, run_count};
+use joint_log::Dataset;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -45,15 +46,15 @@ pub const FEWEST_RUNS: usize = 3;
 fn group(log: &TrainTest, track: &Track, row: usize, left_out: LeftOut) -> usize {
     match left_out {
         LeftOut::Runs => track.run % MOST_FITS,
-        LeftOut::Stretches => {
-            let rows = log.train.runs[track.run].len().max(1);
-            ((track.first_row + row) * STRETCHES / rows).min(STRETCHES - 1)
-        }
+        LeftOut::Stretches => stretch(&log.train, track, row),
     }
 }
 
-/// Largest ratio by which a fit without some rows changes a positive parameter.
-const MAX_CHANGE: f64 = 3.0;
+/// Returns the stretch of its run in which a row of a track lies.
+pub fn stretch(data: &Dataset, track: &Track, row: usize) -> usize {
+    let rows = data.runs[track.run].len().max(1);
+    ((track.first_row + row) * STRETCHES / rows).min(STRETCHES - 1)
+}
 
 /// Ridge of such a fit, relative to the diagonal.
 const RIDGE: f64 = 1e-7;
@@ -83,7 +84,7 @@ pub fn one_step_left_out(fitted: &TrainTest, judged: &TrainTest, model: &FittedM
         .into_par_iter()
         .map(|left| {
             let step = step(&(&total - &products[left]))?;
-            stepped(judged, model, &step, &whole, (&groups, left))
+            stepped(judged, model, &step, &whole, &groups, left)
         })
         .collect();
     for (left, part) in parts.iter().enumerate() {
@@ -116,7 +117,7 @@ fn group_products(
     let size = model.free.len() + 1;
     let tracks: Vec<_> = log.train_tracks.iter().zip(&at.tracks).zip(groups).collect();
     let of_track = |((track, along), groups): &((&Track, &_), &Vec<usize>)| {
-        let columns = columns(log, &at, (track, along), &[]);
+        let columns = columns(log, &at, track, along, &[]);
         let mut sums = vec![DMatrix::zeros(size, size); count];
         let mut from = 0;
         while from < columns[0].len() {
@@ -156,7 +157,8 @@ fn stepped(
     model: &FittedModel,
     step: &DVector<f64>,
     whole: &Predicted,
-    (groups, left): (&[Vec<usize>], usize),
+    groups: &[Vec<usize>],
+    left: usize,
 ) -> Option<Predicted> {
     let outside = |predicted: &Predicted| -> f64 {
         let tracks = predicted.residuals.iter().zip(groups);
@@ -170,12 +172,7 @@ fn stepped(
     [1.0, 0.5, 0.25].into_iter().find_map(|share| {
         let mut parameters = model.parameters.clone();
         for (id, change) in model.free.iter().zip(step.iter()) {
-            let (value, info) = (model.parameters.get(*id), id.info());
-            let mut next = value + share * change;
-            if value > 0.0 && info.lower >= 0.0 {
-                next = next.clamp(value / MAX_CHANGE, value * MAX_CHANGE);
-            }
-            parameters.set(*id, next.clamp(info.lower, info.upper));
+            parameters.set(*id, changed(*id, model.parameters.get(*id), share * change));
         }
         let predicted = predict(&parameters, log.train_rows(), model.resolution);
         (outside(&predicted) <= DIVERGED * before).then_some(predicted)
@@ -226,7 +223,7 @@ mod tests {
     use super::*;
     use crate::finalist::fitted;
     use crate::fixtures::{HandMadeLog, linear_base, pressure_torque};
-    use joint_log::{Dataset, SplitRule, split};
+    use joint_log::{SplitRule, split};
 
     fn left_out(speeds: [f64; 3]) -> LeftOut {
         let names = ["time_s", "velocity_rad_s", "torque_nm"].map(str::to_owned);

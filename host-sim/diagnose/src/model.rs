@@ -22,6 +22,19 @@ pub struct FittedModel {
     pub follows: Option<FollowedColumn>,
 }
 
+/// Largest ratio by which one step of a linear fit changes a positive parameter.
+const MAX_CHANGE: f64 = 3.0;
+
+/// Returns the value of a parameter after the change of a linear fit, within its bounds.
+pub fn changed(id: ParameterId, value: f64, change: f64) -> f64 {
+    let info = id.info();
+    let mut next = value + change;
+    if value > 0.0 && info.lower >= 0.0 {
+        next = next.clamp(value / MAX_CHANGE, value * MAX_CHANGE);
+    }
+    next.clamp(info.lower, info.upper)
+}
+
 impl FittedModel {
     /// Returns the model of an outcome that was fitted from a start.
     pub fn of(outcome: &Outcome, start: &Self) -> Self {

@@ -3,200 +3,17 @@
 //!
 //! Errors are RMS values in the joint's torque unit, Nm or N.
 
-use super::cause::Remedy;
-use super::experiment::most_informative;
+mod advice;
+
+pub use advice::next_experiment;
+
 use super::finding::{Finding, probability_in_words};
 use super::gravity_load;
 use super::left_out::LeftOut;
 use super::naming::NAMED;
 use super::{Diagnosis, Share};
-use compensator_core::{Quantity, TermKind};
-use friction_fit::State;
-use friction_fit::spec::rigid_body_name;
 use joint_log::Dataset;
 use joint_log::number::{figure, significant};
-
-/// Returns what to do next: what to measure, with the command that writes a motion for it, or what to correct in the log.
-pub fn next_experiment(diagnosis: &Diagnosis) -> String {
-    if let Some(fault) = diagnosis.leading_fault() {
-        let what = format!("{}: {}", fault.kind.name(), fault.columns.join(", "));
-        return match fault.corrected {
-            true => format!(
-                "Mend the log at its source ({what}), so that later logs need no correction."
-            ),
-            false => format!("Correct the log first ({what}), and diagnose it again."),
-        };
-    }
-    if let Some(load) = unused_load(diagnosis) {
-        return load;
-    }
-    let body = missing_rigid_body(diagnosis).map(|words| words + " ").unwrap_or_default();
-    body + &next_recording(diagnosis) + &standard_motion(&diagnosis.log.train)
-}
-
-/// Returns the command that writes the standard motion in the range and speed of a log; empty for a log without motion.
-fn standard_motion(data: &Dataset) -> String {
-    let [mut range, mut speed] = [0.0f64; 2];
-    for run in &data.runs {
-        let mut stroke = 0.0f64;
-        for (time, v) in run.time_s.windows(2).zip(run.velocity.windows(2)) {
-            // A stroke ends where the velocity changes its sign. A gap of the log is no motion, and a spike is no speed.
-            let way = 0.5 * (v[0] + v[1]) * (time[1] - time[0]).min(MAX_STEP_S);
-            stroke = if v[0] * v[1] > 0.0 { stroke + way } else { 0.0 };
-            range = range.max(0.5 * stroke.abs());
-            speed = speed.max(v[0].abs().min(v[1].abs()));
-        }
-    }
-    let (unit, end) = (Quantity::Position.unit(data.joint), "(how to: record-a-good-log.md)");
-    match [range, speed].map(|most| figure(most.min(MAX_BOUND))) {
-        _ if range == 0.0 => String::new(),
-        [range, speed] => format!(
-            " A motion in the range and speed of this log: host-sim move --standard --range ±{range}{unit} --speed \
-             {speed}{unit}/s --dry-run --out motion {end}."
-        ),
-    }
-}
-
-/// Longest time between two rows over which a joint is taken to move on, s.
-const MAX_STEP_S: f64 = 0.1;
-
-/// Largest range, rad or m, and speed that `move` accepts.
-const MAX_BOUND: f64 = 100.0;
-
-/// Returns what to measure next.
-fn next_recording(diagnosis: &Diagnosis) -> String {
-    let confused = diagnosis.findings.iter().find(|finding| !finding.confusable_with.is_empty());
-    if let Some(finding) = confused {
-        let mut vary: Vec<String> = finding.columns.clone();
-        let mut hold: Vec<String> = Vec::new();
-        for rival in &finding.confusable_with {
-            hold.extend(rival.columns.iter().filter(|name| !vary.contains(name)).cloned());
-        }
-        hold.dedup();
-        let motion = |names: &[String]| names.iter().all(|name| name.starts_with("velocity"));
-        if motion(&vary) {
-            hold.retain(|name| !name.starts_with("velocity"));
-            vary.clear();
-        }
-        let others: Vec<&str> =
-            finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
-        if hold.is_empty() || vary.is_empty() {
-            let is_of_time = others.iter().all(|name| ["time-drift", "warm-up"].contains(name));
-            let how = match is_of_time && !vary.is_empty() {
-                true => {
-                    format!("vary {} in the order A, B, B, A over the campaign", vary.join(" and "))
-                }
-                false => {
-                    "add slow reversals and pauses of different length in both directions".into()
-                }
-            };
-            return format!(
-                "To distinguish {} from {}, {how}.",
-                finding.cause.name(),
-                others.join(" and ")
-            );
-        }
-        return format!(
-            "To distinguish {} from {}, vary {} while {} stays constant, and vice versa.",
-            finding.cause.name(),
-            others.join(" and "),
-            vary.join(" and "),
-            hold.join(" and ")
-        );
-    }
-    let asked = |finding: &Finding| finding.cause.next_experiment(&finding.columns);
-    if let Some(next) = diagnosis.findings.iter().find_map(asked) {
-        return next;
-    }
-    let doubts = doubts(diagnosis);
-    let possible: Vec<(&str, f64)> =
-        doubts.iter().map(|doubt| (doubt.cause, doubt.probability)).collect();
-    let is_logged = |quantity: Quantity| diagnosis.log.has_column(name_in(quantity, diagnosis));
-    if let Some(next) = most_informative(&possible, is_logged) {
-        return format!(
-            "{}: this log cannot confirm or exclude {}.",
-            next.instruction,
-            names(doubts.iter())
-        );
-    }
-    let loose: Vec<&str> = diagnosis
-        .extended
-        .estimates
-        .iter()
-        .filter(|e| e.state == State::NotDetermined)
-        .map(|e| e.id.name())
-        .collect();
-    if loose.iter().any(|name| ["bristle_stiffness", "bristle_damping"].contains(name)) {
-        return "Add small oscillations within the bristles' travel (a few hertz, with growing amplitude until the joint breaks \
-                away): this log does not determine the bristle parameters."
-            .into();
-    }
-    if loose.iter().any(|name| ["stribeck_velocity", "static_torque"].contains(name)) {
-        return "Add slow reversals through zero speed: this log does not determine the Stribeck curve.".into();
-    }
-    // A joint may have no sensor for a quantity that is not in its log.
-    let data = &diagnosis.log.train;
-    let is_constant = |name: &str| {
-        let values = || data.runs.iter().flat_map(|run| data.column(run, name).unwrap_or_default());
-        let [least, most] =
-            [values().copied().reduce(f64::min), values().copied().reduce(f64::max)];
-        let range =
-            least.zip(most).map(|(least, most)| (most - least, most.abs().max(least.abs())));
-        range.is_some_and(|(range, size)| range <= NEARLY_CONSTANT * size)
-    };
-    let known =
-        COVARIATES.iter().map(|quantity| (name_in(*quantity, diagnosis), quantity.info().label));
-    let known = known.chain([("payload_kg", "payload")]);
-    let constant: Vec<&str> =
-        known.filter(|(name, _)| is_constant(name)).map(|(_, label)| label).collect();
-    if constant.is_empty() {
-        "Repeat one of the held-out runs on another day: one campaign cannot show whether its results repeat.".into()
-    } else {
-        format!(
-            "Vary {}: the effect of a constant quantity cannot be identified.",
-            constant.join(", ")
-        )
-    }
-}
-
-/// Returns the advice to take the logged load torque into the rigid body, where that may explain the finding.
-fn unused_load(diagnosis: &Diagnosis) -> Option<String> {
-    let name = name_in(Quantity::LoadTorque, diagnosis);
-    let log = &diagnosis.log;
-    let is_unused = log.varies(name) && !log.rigid_body.contains(&TermKind::LoadGain);
-    let is_body = |finding: &Finding| matches!(finding.cause.remedy(), Remedy::RigidBody(_));
-    let asks =
-        diagnosis.findings.iter().any(|finding| is_body(finding) || !finding.cause.is_named());
-    (is_unused && asks).then(|| {
-        let given = log.rigid_body.iter().filter_map(|term| rigid_body_name(*term));
-        let parts: Vec<&str> = given.chain(["load"]).collect();
-        format!(
-            "Diagnose this log once more with --rigid-body {}: it holds the torque of the load, {name}.",
-            parts.join(",")
-        )
-    })
-}
-
-/// Returns the advice to take parts of the rigid body that were not requested, unless a cause that is none of them explains more.
-fn missing_rigid_body(diagnosis: &Diagnosis) -> Option<String> {
-    let hint = diagnosis.rigid_body_hint.as_ref()?;
-    let is_body = |finding: &Finding| matches!(finding.cause.remedy(), Remedy::RigidBody(_));
-    let is_explained = diagnosis.after.metrics.rmse < hint.rmse_with_parts;
-    let is_of_body = diagnosis.findings.iter().any(is_body);
-    (is_of_body || !is_explained).then(|| hint.in_words(diagnosis.log.train.joint.torque_unit()))
-}
-
-/// Range of a quantity over its size that counts as none: the noise of its sensor.
-const NEARLY_CONSTANT: f64 = 0.05;
-
-/// Quantities that a next experiment may vary.
-const COVARIATES: [Quantity; 4] =
-    [Quantity::RadialForce, Quantity::Pressure, Quantity::Temperature, Quantity::LoadTorque];
-
-/// Returns the name of a quantity's column in the log of this joint.
-fn name_in(quantity: Quantity, diagnosis: &Diagnosis) -> &'static str {
-    quantity.name(diagnosis.log.train.joint)
-}
 
 /// Lowest probability of a cause that is reported as possible.
 const POSSIBLE: f64 = 0.1;
@@ -380,66 +197,66 @@ pub fn warning(diagnosis: &Diagnosis) -> Option<String> {
 
 /// Returns the five sentences.
 pub fn summary(diagnosis: &Diagnosis) -> Vec<String> {
-    let unit = diagnosis.log.train.joint.torque_unit();
-    let runs =
-        |count: usize, what: &str| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
-    let before = diagnosis.before.metrics.rmse;
-    let seen = match diagnosis.left_out {
-        Some(LeftOut::Runs) => {
-            format!(
-                "each of {} with a fit to the others",
-                runs(diagnosis.log.train.runs.len(), "run")
-            )
-        }
-        Some(LeftOut::Stretches) => format!(
-            "each stretch of {} with a fit to the other rows",
-            runs(diagnosis.log.train.runs.len(), "run")
-        ),
-        None => format!(
-            "{} with a fit to {}",
-            runs(diagnosis.log.test.runs.len(), "run"),
-            runs(diagnosis.log.train.runs.len(), "run")
-        ),
-    };
-    let first = warning(diagnosis).map(|warning| warning + " ").unwrap_or_default();
-    let wrong = format!(
-        "{first}The held-out error of a {} model ({seen}) is {} {unit} RMS; the noise floor, the error of the best possible \
-         model, is {} {unit}.",
-        diagnosis.baseline.spec,
-        figure(before),
-        figure(diagnosis.noise_floor)
-    );
-    let place = place(diagnosis);
     let why = why(diagnosis) + &gravity_load::sentence(diagnosis).unwrap_or_default();
-    let gain = &diagnosis.gain;
-    let better = if let Some(extension) = diagnosis.extension() {
-        let [before, after] = [before, diagnosis.after.metrics.rmse]
-            .map(|rmse| above_floor(rmse, diagnosis.noise_floor));
-        let above = match before > 0.0 {
-            true => format!(
-                "; the part above the noise floor falls from {} to {} {unit}, by {} %",
-                figure(before),
-                figure(after),
-                significant(100.0 * (1.0 - after / before), 2)
-            ),
-            false => String::new(),
-        };
-        format!(
-            "With {extension} the held-out error falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %){above}.",
-            figure(diagnosis.after.metrics.rmse),
-            100.0 * gain.value,
-            100.0 * gain.ci95[0],
-            100.0 * gain.ci95[1]
-        )
-    } else {
-        "No extension is proposed, so the error stays the same.".to_owned()
-    };
-    // Without a cause, the sentence on the causes has it.
+    let better = better(diagnosis);
+    // Without a cause, the sentence on the causes has the remaining error.
     let better = match diagnosis.findings.is_empty() {
         true => better,
         false => format!("{better} {}", remaining_error(diagnosis)),
     };
-    vec![wrong, place, why, better, next_experiment(diagnosis)]
+    vec![error(diagnosis), place(diagnosis), why, better, next_experiment(diagnosis)]
+}
+
+/// Returns the error without an extension, how it was evaluated, and the noise floor, after a warning if there is one.
+fn error(diagnosis: &Diagnosis) -> String {
+    let unit = diagnosis.log.train.joint.torque_unit();
+    let runs = |data: &Dataset| match data.runs.len() {
+        1 => "1 run".to_owned(),
+        count => format!("{count} runs"),
+    };
+    let fitted = runs(&diagnosis.log.train);
+    let seen = match diagnosis.left_out {
+        Some(LeftOut::Runs) => format!("each of {fitted} with a fit to the others"),
+        Some(LeftOut::Stretches) => {
+            format!("each stretch of {fitted} with a fit to the other rows")
+        }
+        None => format!("{} with a fit to {fitted}", runs(&diagnosis.log.test)),
+    };
+    let warning = warning(diagnosis).map(|warning| warning + " ").unwrap_or_default();
+    format!(
+        "{warning}The held-out error of a {} model ({seen}) is {} {unit} RMS; the noise floor, the error of the best possible \
+         model, is {} {unit}.",
+        diagnosis.baseline.spec,
+        figure(diagnosis.before.metrics.rmse),
+        figure(diagnosis.noise_floor)
+    )
+}
+
+/// Returns what the extension gains on held-out rows.
+fn better(diagnosis: &Diagnosis) -> String {
+    let Some(extension) = diagnosis.extension() else {
+        return "No extension is proposed, so the error stays the same.".to_owned();
+    };
+    let unit = diagnosis.log.train.joint.torque_unit();
+    let gain = &diagnosis.gain;
+    let [before, after] = [&diagnosis.before, &diagnosis.after]
+        .map(|held_out| above_floor(held_out.metrics.rmse, diagnosis.noise_floor));
+    let above = match before > 0.0 {
+        true => format!(
+            "; the part above the noise floor falls from {} to {} {unit}, by {} %",
+            figure(before),
+            figure(after),
+            significant(100.0 * (1.0 - after / before), 2)
+        ),
+        false => String::new(),
+    };
+    format!(
+        "With {extension} the held-out error falls to {} {unit}, by {:.1} % (95 % interval {:.1} to {:.1} %){above}.",
+        figure(diagnosis.after.metrics.rmse),
+        100.0 * gain.value,
+        100.0 * gain.ci95[0],
+        100.0 * gain.ci95[1]
+    )
 }
 
 /// Returns the causes, or why none is named.

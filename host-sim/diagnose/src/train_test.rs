@@ -1,10 +1,9 @@
 //! The log of a diagnosis: training runs, held-out runs, and the covariates that may be a cause.
 //!
-//! A column may explain a residual without being its cause. A motor current *is* the torque in
-//! another unit, so it contains every error of the model. Such columns are excluded, and a note
-//! lists them. They are recognised by their correlation with the torque from sample to sample,
-//! which pressure or temperature cannot have.
+//! A column that is another reading of the torque explains a residual without being its cause
+//! ([`TorqueLikeness`]). Such columns are excluded, and a note lists them.
 
+use super::column_likeness::{TorqueLikeness, is_same_column};
 use super::evaluation::noise_floor;
 use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
@@ -13,19 +12,9 @@ use friction_fit::{
     ChannelGain, Rows, Scales, TorqueLowPass, Track, campaign_start, record_earlier_stretches,
     tracks_since,
 };
-use joint_log::{Dataset, Quantity, Run, Split, contract};
+use joint_log::{Dataset, Quantity, Split, contract};
 use std::borrow::Cow;
 use std::sync::Arc;
-
-/// Correlation of sample-to-sample changes above which a column counts as another reading of the
-/// torque.
-const SAME_STEPS: f64 = 0.5;
-
-/// Correlation of values above which a column counts as another reading of the torque.
-const SAME_VALUES: f64 = 0.95;
-
-/// Correlation above which two columns count as one column with two names.
-const SAME_COLUMN: f64 = 0.9999;
 
 /// Speed below which a joint is at rest, as a share of the 95th percentile of the speed.
 const REST: f64 = 0.04;
@@ -114,7 +103,7 @@ impl TrainTest {
         if !log.leaves_each_out {
             record_earlier_stretches(log.train_tracks.iter_mut().chain(&mut log.test_tracks));
         }
-        (log.extras, log.notes) = log.choose_extras();
+        log.choose_extras();
         log
     }
 
@@ -329,81 +318,37 @@ impl TrainTest {
         (ends.fold(f64::NEG_INFINITY, f64::max) - self.campaign_start_s).max(1e-9)
     }
 
-    /// Returns the covariates that may be a cause, and a note on each excluded one.
-    fn choose_extras(&self) -> (Vec<usize>, Vec<String>) {
-        let known: Vec<&str> = contract::covariates()
-            .chain([Quantity::Velocity, Quantity::Position])
-            .map(|quantity| quantity.name(self.train.joint))
-            .collect();
-        let runs = &self.train.runs;
-        let (mut extras, mut notes) = (Vec::new(), Vec::new());
-        let columns = self.train.covariates.iter().enumerate();
-        for (index, name) in columns.filter(|(_, name)| !contract::is_joint_position(name)) {
-            let of = |run: &Run| run.extra[index].clone();
-            let torque = |run: &Run| run.torque.clone();
-            if self.varies(name) {
-                let steps = |run: &Run, column: &dyn Fn(&Run) -> Vec<f64>| -> Vec<f64> {
-                    column(run).windows(2).map(|w| w[1] - w[0]).collect()
-                };
-                let alike = correlation(runs, of, torque).abs();
-                let in_step =
-                    correlation(runs, |run| steps(run, &of), |run| steps(run, &torque)).abs();
-                if alike > SAME_VALUES || in_step > SAME_STEPS {
-                    notes.push(format!(
-                        "{name} follows the torque itself (correlation {alike:.3}, of its differences {in_step:.3}): \
-                         it is another reading of the torque and is not used as a covariate"
-                    ));
-                    continue;
-                }
-                let copy = |other: &str| {
-                    let other = |run: &Run| self.train.column(run, other).map(<[f64]>::to_vec);
-                    let has = runs.iter().all(|run| other(run).is_some());
-                    has && correlation(runs, of, |run| other(run).unwrap_or_default()).abs()
-                        > SAME_COLUMN
-                };
-                if let Some(known) = known.iter().find(|other| copy(other)) {
-                    notes.push(format!("{name} is {known} under another name and is left out"));
-                    continue;
-                }
-                extras.push(index);
+    /// Chooses the covariates that may be a cause, and adds a note on each that is excluded.
+    fn choose_extras(&mut self) {
+        let data = &self.train;
+        let known = || {
+            let quantities = contract::covariates().chain([Quantity::Velocity, Quantity::Position]);
+            quantities.map(|quantity| quantity.name(data.joint))
+        };
+        for (index, name) in data.covariates.iter().enumerate() {
+            if contract::is_joint_position(name) || !self.varies(name) {
+                continue;
+            }
+            let likeness = TorqueLikeness::new(data, name);
+            if likeness.is_reading_of_torque() {
+                self.notes.push(format!(
+                    "{name} follows the torque itself (correlation {:.3}, of its differences {:.3}): it is another reading of \
+                     the torque and is not used as a covariate",
+                    likeness.of_values, likeness.of_steps
+                ));
+            } else if let Some(known) = known().find(|other| is_same_column(data, name, other)) {
+                self.notes.push(format!("{name} is {known} under another name and is left out"));
+            } else {
+                self.extras.push(index);
             }
         }
-        (extras, notes)
     }
-}
-
-/// Returns the correlation of two columns over all rows of all runs; 0 if one of them is constant.
-pub fn correlation(
-    runs: &[Run],
-    a: impl Fn(&Run) -> Vec<f64>,
-    b: impl Fn(&Run) -> Vec<f64>,
-) -> f64 {
-    let (mut n, mut sum, mut squares, mut product) = (0.0, [0.0; 2], [0.0; 2], 0.0);
-    // The values are shifted by the first one. Otherwise the variance of a pressure of 1e5 is lost
-    // in the rounding error of its square.
-    let mut shift = None;
-    for run in runs {
-        for (x, y) in a(run).into_iter().zip(b(run)) {
-            let (sx, sy) = *shift.get_or_insert((x, y));
-            let (x, y) = (x - sx, y - sy);
-            n += 1.0;
-            sum[0] += x;
-            sum[1] += y;
-            squares[0] += x * x;
-            squares[1] += y * y;
-            product += x * y;
-        }
-    }
-    let variance = |i: usize| squares[i] / n - (sum[i] / n) * (sum[i] / n);
-    let covariance = product / n - sum[0] / n * (sum[1] / n);
-    let spread = (variance(0) * variance(1)).sqrt();
-    if n > 0.0 && spread > 0.0 { covariance / spread } else { 0.0 }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use joint_log::{BadRows, JointKind, Part};
+    use joint_log::{BadRows, JointKind, Part, Run};
 
     /// Returns runs of ten seconds, a minute apart, on one clock.
     fn campaign(runs: usize) -> Dataset {

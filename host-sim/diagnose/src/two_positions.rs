@@ -21,6 +21,7 @@ mod held_out;
 mod regression;
 
 use super::cause;
+use super::contest_calibration::LEAST_PROBABILITY;
 use super::extended::Size;
 use super::finding::Finding;
 use super::naming::{MAY_BE_NONE, NAMED, WeighedCause};
@@ -147,8 +148,8 @@ impl TwoPositions {
         let seen = HeldOut::new(&blocks, &without, &with);
         let behind = Behind::new(&positions, &lost, blocks.operators[lost.operator], folds);
         let lost_parts: Vec<f64> = parts.iter().map(|part| part.lost_motion().size).collect();
-        let play = play(lost.size, &behind, &lost_parts, blocks.quantum);
-        let play = Size::with_interval(play.0, play.1, data.joint.position_unit());
+        let play =
+            play(lost.size, &behind, &lost_parts, blocks.quantum, data.joint.position_unit());
         let torsion = blocks.torsion_rms(&with_play.coefficients);
         let travel = blocks.operators[with_play.operator].travel;
         let over =
@@ -169,7 +170,7 @@ impl TwoPositions {
             probability: if is_possible {
                 Calibration::current().probability(&figures)
             } else {
-                calibration::BOUNDS.0
+                LEAST_PROBABILITY
             },
             play,
             lost_motion: lost.size,
@@ -266,8 +267,9 @@ impl TwoPositions {
 /// Name of the cause.
 const BACKLASH: &str = "backlash";
 
-/// Returns the play with its 95 % interval: a share of the lost motion, which the torque shows in two ways.
-fn play(lost: f64, behind: &Behind, parts: &[f64], quantum: f64) -> (f64, [f64; 2]) {
+/// Returns the play with its 95 % interval: a share of the lost motion, which the torque shows in two ways. `parts` is the lost
+/// motion without each fold, and `unit` that of a position.
+fn play(lost: f64, behind: &Behind, parts: &[f64], quantum: f64, unit: &str) -> Size {
     let share = behind.share();
     let value = lost * share;
     let folds: Vec<f64> =
@@ -282,7 +284,7 @@ fn play(lost: f64, behind: &Behind, parts: &[f64], quantum: f64) -> (f64, [f64; 
     let t = StudentsT::new(0.0, 1.0, (count - 1.0).max(1.0));
     let of_folds = t.map_or(2.0, |t| t.inverse_cdf(0.975)).powi(2) * of_folds;
     let reach = (of_folds + (1.96 * of_share).powi(2)).sqrt();
-    (value, [(value - reach).max(0.0), value + reach])
+    Size::with_interval(value, [(value - reach).max(0.0), value + reach], unit)
 }
 
 #[cfg(test)]

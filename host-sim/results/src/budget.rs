@@ -23,7 +23,7 @@ pub fn budget(found: &Diagnosis) -> Vec<BudgetStep<'_>> {
         |name: &str| cause::named(name).is_some_and(|cause| cause.remedy().term().is_some());
     let mut steps = vec![model("plain", found.hand_over.plain.held_out.metrics.rmse, true)];
     let causes = found.hand_over.steps.iter();
-    steps.extend(causes.map(|(name, rmse)| model(*name, *rmse, has_term(name))));
+    steps.extend(causes.map(|step| model(step.added, step.rmse, has_term(step.added))));
     steps.extend([limit("ceiling", found.ceiling.rmse), limit("noise", found.noise_floor)]);
     steps
 }

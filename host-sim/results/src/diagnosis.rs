@@ -55,8 +55,9 @@ fn finding(finding: &Finding) -> Value {
         "deployable": finding.cause.remedy().term().is_some(),
         "in_words": finding.in_words,
     });
-    if let Some((order, error)) = finding.order {
-        value["order"] = json!({ "value": finite(order), "std_error": finite(error) });
+    if let Some(order) = finding.order {
+        value["order"] =
+            json!({ "value": finite(order.value), "std_error": finite(order.std_error) });
     }
     value
 }

@@ -177,8 +177,8 @@ impl MeasuredLog {
         let (answer, seconds) = time_on_one_thread(|| diagnose_log(data, &question))?;
         let (found, _) = answer.map_err(failed)?;
         let named = found.findings.iter().map(|finding| {
-            let order =
-                finding.order.map_or(String::new(), |(order, _)| format!(" order {order:.1}"));
+            let order = finding.order.map(|order| format!(" order {:.1}", order.value));
+            let order = order.unwrap_or_default();
             format!("{}({}){order}", finding.cause.name(), finding.columns.join(","))
         });
         let ours = MeasuredAnswer {

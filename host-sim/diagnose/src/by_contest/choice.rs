@@ -5,7 +5,7 @@ use super::corrected_rows::CorrectedRows;
 use super::search::{Chosen, Search};
 use crate::contest::LinearAnswer;
 use crate::finalist::fitted;
-use crate::hand_over::{HandOver, HandedOver, Judged, linear_on, simplest_of_best};
+use crate::hand_over::{HandOver, HandOverStep, HandedOver, Judged, linear_on, simplest_of_best};
 use crate::train_test::TrainTest;
 use compensator_core::{LawKind, TermKind};
 use friction_fit::spec::{Spec, SpecError};
@@ -45,8 +45,10 @@ impl Search<'_> {
             _ => None,
         };
         let steps = self.outcome.linear.iter().flat_map(|linear| &linear.steps);
-        let rmse = |step: &LinearAnswer| on_rows(step).held_out.metrics.rmse;
-        let steps = steps.map(|(name, step)| (*name, rmse(step))).collect();
+        let steps = steps.map(|step| HandOverStep {
+            added: step.added,
+            rmse: on_rows(&step.answer).held_out.metrics.rmse,
+        });
         let measurement = chosen.corrected.measurement(self.rows.is_reversed);
         Ok(HandOver {
             on_pc,
@@ -57,7 +59,7 @@ impl Search<'_> {
             measurement,
             held_out_of_driver,
             linear_extends: false,
-            steps,
+            steps: steps.collect(),
         })
     }
 

@@ -40,7 +40,7 @@ fn in_finalists<'o>(
 pub(super) fn check_torques(weighed: &mut [WeighedCause], outcome: &ContestOutcome, rows: &Rows) {
     let most = rows.torque.iter().fold(0.0f64, |most, torque| most.max(torque.abs()));
     for cause in weighed {
-        let torques = in_finalists(cause, outcome).map(|finalist| finalist.torque_rms.0);
+        let torques = in_finalists(cause, outcome).map(|finalist| finalist.torque_rms);
         if let Some(least) = torques.reduce(f64::min).filter(|least| *least > most) {
             let (made, held) = (figure(least), figure(most));
             let why = format!("it would make a torque of {made} RMS in a log of {held} at most");
@@ -150,7 +150,8 @@ fn in_model(realised: &Realised, offer: &Offer, log: &TrainTest) -> Finding {
 /// Returns a finding that the extended model has no term for: its size is the torque that it makes.
 fn outside_model(weighed: &WeighedCause, outcome: &ContestOutcome, log: &TrainTest) -> Finding {
     let first = in_finalists(weighed, outcome).next();
-    let (rms, error) = first.map_or((0.0, 0.0), |cause| cause.torque_rms);
+    let rms = first.map_or(0.0, |cause| cause.torque_rms);
+    let error = first.map_or(0.0, |cause| cause.torque_rms_error);
     let size = Size::new(rms, error, log.train.joint.torque_unit());
     let mut in_words =
         format!("{}: it makes a torque of {} RMS", weighed.cause.meaning(), size.in_words());

@@ -11,6 +11,7 @@ use super::{Cause, LEVELS, Remedy};
 use crate::candidate::{Candidate, InitialGuess, Regressor, row};
 use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
 use crate::extended::Extended;
+use crate::finding::WaveOrder;
 use compensator_core::term::{TORQUE_RIPPLE_ORDERS, TORQUE_RIPPLE_PARAMETERS};
 use compensator_core::{ParameterId as Id, TermKind};
 use joint_log::number::{figure, significant};
@@ -89,8 +90,8 @@ pub(super) const TORQUE_RIPPLE: Cause = Cause {
     ..Cause::new("torque-ripple", Remedy::Term(TermKind::TorqueRipple))
 };
 
-fn order_of(extended: &Extended, order: Id) -> Option<(f64, f64)> {
-    Some((extended.value(order), extended.error(order)))
+fn order_of(extended: &Extended, order: Id) -> Option<WaveOrder> {
+    Some(WaveOrder { value: extended.value(order), std_error: extended.error(order) })
 }
 
 fn order_in_words(extended: &Extended, order: Id) -> String {

@@ -65,6 +65,12 @@ impl Variant {
     }
 }
 
+/// Returns true if a cause acts through the bristles of a law: a gap, an age of the contact and a changing side load. A law
+/// without bristles has no column for it but one of shape, and the driver's law simulates it.
+pub(crate) fn acts_through_bristles(cause: &str) -> bool {
+    ["backlash", "dwell-time-static", "radial-force-rate"].contains(&cause)
+}
+
 /// What the columns of the causes are made of.
 pub struct Context<'a> {
     /// The log.

@@ -1,24 +1,19 @@
 //! Columns beside the motion that may explain the torque.
 //!
-//! A motor current is the torque in another unit and holds every error of the model, so a column that follows the torque from
-//! row to row explains nothing. A copy of another column would make both of them useless. Neither is a covariate, nor is
-//! a second reading of the own motion.
+//! A column that follows the torque from row to row explains nothing ([`TorqueLikeness`]). A copy of another column would make
+//! both of them useless. Neither is a covariate, nor is a second reading of the joint's own motion.
 
+use crate::column_likeness::{TorqueLikeness, is_same_column};
 use friction_fit::linear::Factor;
+use joint_log::statistics::correlation;
 use joint_log::{Dataset, Quantity, Run, contract};
-
-/// Correlation of values above which a column is another reading of the torque.
-const SAME_VALUES: f64 = 0.95;
-
-/// Correlation of differences from row to row above which a column is another reading of the torque.
-const SAME_STEPS: f64 = 0.5;
 
 /// Correlation above which a column is another reading of the joint's own motion, such as a set-point or the speed of the other
 /// end of its shaft.
 const SAME_MOTION: f64 = 0.9;
 
-/// Correlation above which two columns are one.
-const SAME_COLUMN: f64 = 0.9999;
+/// Number of different values from which a column counts as continuous.
+pub const MOST_LEVELS: usize = 12;
 
 /// A column beside the motion.
 #[derive(Clone, Debug)]
@@ -31,7 +26,7 @@ pub struct Covariate {
     pub values: Vec<f64>,
     /// The values minus their mean, divided by their spread.
     pub scaled: Vec<f64>,
-    /// Number of different values, up to 12.
+    /// Number of different values, up to [`MOST_LEVELS`].
     pub levels: usize,
     /// Whether it is a velocity or an acceleration of another joint.
     pub motion: Option<OtherMotion>,
@@ -64,11 +59,9 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
         let columns = data.runs.iter().map(|run| data.column(run, name));
         Some(columns.collect::<Option<Vec<&[f64]>>>()?.concat())
     };
-    let torque: Vec<f64> = data.runs.iter().flat_map(|run| run.torque.iter().copied()).collect();
     let motion =
-        [Quantity::CampaignTime, Quantity::Velocity, Quantity::Position, Quantity::Acceleration];
-    let motion: Vec<Vec<f64>> =
-        motion.iter().filter_map(|quantity| long(quantity.name(data.joint))).collect();
+        [Quantity::CampaignTime, Quantity::Velocity, Quantity::Position, Quantity::Acceleration]
+            .map(|quantity| quantity.name(data.joint));
     let slope = |run: &Run| run.acceleration_or_derived().into_owned();
     let joint_motion: Vec<Vec<f64>> = [
         data.runs.iter().flat_map(|run| run.velocity.iter().copied()).collect(),
@@ -85,20 +78,19 @@ pub(crate) fn covariates(data: &Dataset) -> Vec<Covariate> {
         let Some(scaled) = scaled(&values) else { continue };
         let is_extra = quantity.is_none();
         let other = OtherMotion::of_name(&name).filter(|_| is_extra);
+        let is_joint_motion = |motion: &Vec<f64>| {
+            let rows = values.iter().copied().zip(motion.iter().copied());
+            correlation(rows).abs() > SAME_MOTION
+        };
         // The motion of another joint may make most of the torque, and is no reading of it.
-        let is_torque = is_extra
-            && other.is_none()
-            && (correlation(&values, &torque).abs() > SAME_VALUES
-                || correlation(&steps(&values), &steps(&torque)).abs() > SAME_STEPS);
-        let others = motion.iter().chain(found.iter().map(|other| &other.values));
-        let is_copy =
-            || others.clone().any(|other| correlation(&values, other).abs() > SAME_COLUMN);
-        if is_torque || (is_extra && is_copy()) {
-            continue;
-        }
-        let is_joint_motion = is_extra
-            && joint_motion.iter().any(|motion| correlation(&values, motion).abs() > SAME_MOTION);
-        if is_joint_motion {
+        let is_torque =
+            || other.is_none() && TorqueLikeness::new(data, &name).is_reading_of_torque();
+        let others = || motion.into_iter().chain(found.iter().map(|other| other.name.as_str()));
+        let is_second_reading = is_extra
+            && (is_torque()
+                || others().any(|other| is_same_column(data, &name, other))
+                || joint_motion.iter().any(is_joint_motion));
+        if is_second_reading {
             continue;
         }
         let levels = levels(&values);
@@ -144,27 +136,11 @@ fn levels(values: &[f64]) -> usize {
         if !seen.contains(value) {
             seen.push(*value);
         }
-        if seen.len() >= 12 {
+        if seen.len() >= MOST_LEVELS {
             break;
         }
     }
     seen.len()
-}
-
-fn steps(values: &[f64]) -> Vec<f64> {
-    values.windows(2).map(|w| w[1] - w[0]).collect()
-}
-
-/// Returns the correlation of two columns; 0 if one does not vary.
-pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let count = a.len().max(1) as f64;
-    let (mean_a, mean_b) = (a.iter().sum::<f64>() / count, b.iter().sum::<f64>() / count);
-    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
-    for (x, y) in a.iter().zip(b) {
-        let (x, y) = (x - mean_a, y - mean_b);
-        (aa, bb, ab) = (aa + x * x, bb + y * y, ab + x * y);
-    }
-    if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
 }
 
 #[cfg(test)]

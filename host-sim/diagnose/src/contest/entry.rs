@@ -2,7 +2,7 @@
 
 use super::bank::{Bank, Workspace};
 use super::cause::backlash::GapGrid;
-use super::cause::{Context, Variant, variants};
+use super::cause::{Context, Variant, acts_through_bristles, variants};
 use super::cause_key::CauseKey;
 use super::correction::Correction;
 use super::kernel::KernelLaw;
@@ -18,20 +18,10 @@ use std::sync::Arc;
 /// Prior cost of a correction.
 const CORRECTION_PRICE: f64 = 0.04;
 
-/// Causes that the driver's law simulates.
-const SIMULATED: [&str; 3] = ["backlash", "dwell-time-static", "radial-force-rate"];
-
 /// What the nonlinear causes are chosen from.
 pub(crate) struct Waves {
     pub(crate) orders: Vec<RippleOrders>,
     pub(crate) gaps: GapGrid,
-}
-
-impl Waves {
-    /// Returns the first sets of orders, which were known at an earlier time, and the gaps.
-    fn before(&self, count: usize) -> (&[RippleOrders], &GapGrid) {
-        (&self.orders[..count], &self.gaps)
-    }
 }
 
 /// What a base law was made from.
@@ -82,7 +72,7 @@ impl Base {
         // With any sign: a level that rises with the speed and a torque of the wrong sign are to be seen.
         let Fitted { sizes, residual } = Fitted::new(rows, &columns);
         let stops = law.stops.len();
-        let falls = stops + 1..stops + 1 + if law.has_falls { 3 } else { 0 };
+        let falls = stops + 1..stops + 1 + law.fall_count();
         let of_friction = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
         let of_friction: Vec<usize> = of_friction.collect();
         let level =
@@ -190,8 +180,7 @@ impl Entry {
         waves: &Waves,
     ) -> Self {
         let orders = waves.orders.len();
-        let known = waves.before(orders);
-        let variants = corrected_variants(rows, shapes, &base, correction, known);
+        let variants = corrected_variants(rows, shapes, &base, correction, waves, orders);
         if correction != Correction::None {
             base.columns.iter_mut().for_each(|column| *column = correction.apply(rows, column));
         }
@@ -221,8 +210,8 @@ impl Entry {
         if !set.iter().any(|at| is_dropped(&at)) {
             return;
         }
-        let known = waves.before(self.orders);
-        let mut made = corrected_variants(rows, shapes, &self.base, self.correction, known);
+        let (base, correction) = (&self.base, self.correction);
+        let mut made = corrected_variants(rows, shapes, base, correction, waves, self.orders);
         for at in set {
             let at = *at as usize;
             self.variants[at].columns = std::mem::take(&mut made[at].columns);
@@ -264,19 +253,22 @@ impl Entry {
     }
 }
 
-/// Returns the variants of all causes for a base law, with a correction of the log.
+/// Returns the variants of all causes for a base law, with a correction of the log. They are made from the first `known` sets
+/// of orders, so that an older entry gets the same variants again.
 fn corrected_variants(
     rows: &Rows,
     shapes: &Shapes,
     base: &Base,
     correction: Correction,
-    (orders, gaps): (&[RippleOrders], &GapGrid),
+    waves: &Waves,
+    known: usize,
 ) -> Vec<Variant> {
+    let (orders, gaps) = (&waves.orders[..known], &waves.gaps);
     let (travel, level, residual) = (base.travel, &base.level, &base.residual);
     let context = Context { rows, shapes, travel, level, orders, gaps, residual };
     let mut made = variants(&context);
     if !base.simulated.is_empty() {
-        made.retain(|variant| !SIMULATED.contains(&variant.key.cause));
+        made.retain(|variant| !acts_through_bristles(variant.key.cause));
         made.extend(base.simulated.iter().cloned());
     }
     if correction != Correction::None {

@@ -81,8 +81,10 @@ pub struct FinalistCause {
     pub detail: Detail,
     /// Coefficients of its columns.
     pub sizes: Vec<f64>,
-    /// RMS of the torque that it contributes, and its standard error over the folds (a delete-one jackknife).
-    pub torque_rms: (f64, f64),
+    /// RMS of the torque that it contributes, Nm or N.
+    pub torque_rms: f64,
+    /// Standard error of `torque_rms` over the folds (a delete-one jackknife).
+    pub torque_rms_error: f64,
 }
 
 impl Table<'_> {
@@ -104,7 +106,8 @@ impl Table<'_> {
                 causes.push(FinalistCause {
                     key: variant.key.clone(),
                     detail: variant.detail.clone(),
-                    torque_rms: (rms(&sizes[place.clone()]), jackknife(&drawn)),
+                    torque_rms: rms(&sizes[place.clone()]),
+                    torque_rms_error: jackknife(&drawn),
                     sizes: sizes[place].to_vec(),
                 });
             } else if let Some(channel) =

@@ -11,7 +11,7 @@
 
 use super::cause::{Variant, simulated};
 use super::correction::Correction;
-use super::law::LawStart;
+use super::law::{LawStart, SMALLEST_LEVEL};
 use super::rows::Rows;
 use crate::sensitivities::{Sensitivities, TrackSensitivities, sensitivities};
 use crate::uncertain_motion;
@@ -35,9 +35,6 @@ const MAX_TRIED_ROWS: usize = 4_000;
 
 /// Simulations per parameter of a trial.
 const TRIAL_SIMULATIONS_PER_PARAMETER: usize = 3;
-
-/// Smallest friction level of a start, as a share of the RMS torque.
-const SMALLEST_LEVEL: f64 = 0.02;
 
 /// Smallest excess of the static level of a start, as a share of the level in sliding.
 const SMALLEST_EXCESS: f64 = 0.1;
@@ -86,6 +83,8 @@ struct Trial {
 /// A law of the driver at a point of its parameters.
 #[derive(Clone, Debug)]
 pub struct KernelLaw {
+    /// Correction of the log to whose target it was fitted.
+    pub correction: Correction,
     /// Parameters at the point.
     pub parameters: Parameters<f64>,
     /// Time resolution of its simulation.
@@ -147,7 +146,8 @@ impl KernelLaw {
         let fitted = friction_fit::Rows { tracks: &fitted, decimate: 1 };
         let solution = fit(&spec, &base, fitted, &options(&start, SIMULATIONS_PER_PARAMETER));
         let free: Vec<ParameterId> = solution.coordinates.ids().collect();
-        Self::linearised(rows, &tracks, solution.parameters(), &free, solution.resolution)
+        let (parameters, resolution) = (solution.parameters(), solution.resolution);
+        Self::linearised(rows, &tracks, correction, parameters, &free, resolution)
     }
 
     /// Returns the point of the law, from which another fit may begin.
@@ -158,6 +158,7 @@ impl KernelLaw {
     fn linearised(
         rows: &Rows,
         tracks: &[Track],
+        correction: Correction,
         parameters: Parameters<f64>,
         free: &[ParameterId],
         resolution: Resolution,
@@ -187,6 +188,7 @@ impl KernelLaw {
         let simulated = simulated::variants(rows, tracks, &coarse, travel).into();
         let motion_error = motion_error(rows, tracks, &coarse);
         Some(Self {
+            correction,
             parameters,
             resolution,
             columns,
@@ -260,7 +262,10 @@ fn tracks(rows: &Rows, target: &[f64], correction: Correction) -> Vec<Track> {
     tracks
 }
 
-/// Returns evenly chosen tracks of about `wanted` rows in total; long tracks are cut.
+/// Returns evenly chosen tracks of about `wanted` rows in total; of long tracks the first rows.
+///
+/// The fit only gives the point at which the law is linearised. Finalists are compared on held-out runs, so their excerpt keeps
+/// the middle of every track.
 fn shortened(tracks: &[Track], wanted: usize) -> Vec<Track> {
     let rows: usize = tracks.iter().map(Track::len).sum();
     let stride = rows.div_ceil(wanted).clamp(1, tracks.len().max(1));

@@ -24,7 +24,16 @@ pub struct LinearAnswer {
     /// What a fit without a row's fold leaves of the row, for all rows.
     pub held_out: Vec<f64>,
     /// The law alone, and with each of its causes added in turn, the one that takes most first.
-    pub steps: Vec<(&'static str, LinearAnswer)>,
+    pub steps: Vec<LinearStep>,
+}
+
+/// A law with some of the causes of a hypothesis.
+#[derive(Clone, Debug)]
+pub struct LinearStep {
+    /// Name of the law, or of the cause that is added last.
+    pub added: &'static str,
+    /// The model with it.
+    pub answer: LinearAnswer,
 }
 
 /// Returns the hypothesis of the least cost that is a model for other logs, with the law of its entry.
@@ -50,27 +59,21 @@ pub(crate) fn answer(
     let Origin::Shapes(law) = &entry.base.origin else { return None };
     let term = |part: &str, factors| LinearTerm { part: part.into(), size: 0.0, factors };
     let law = shapes.regressors(rows, law).into_iter();
-    let mut parts: Vec<(&str, LinearTerm)> =
-        law.map(|(name, regressor)| (name, term(name, regressor))).collect();
+    let mut parts: Vec<LinearTerm> = law.map(|(name, regressor)| term(name, regressor)).collect();
     let law_columns = parts.len();
     for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
         let regressors = variant.regressors.iter().cloned();
-        parts.extend(
-            regressors.map(|regressor| (variant.key.cause, term(variant.key.cause, regressor))),
-        );
+        parts.extend(regressors.map(|regressor| term(variant.key.cause, regressor)));
     }
-    let falls: Vec<usize> = (0..law_columns).filter(|at| parts[*at].0 == STRIBECK).collect();
-    let judged = JudgedByRun::new(rows, entry, hypothesis, (law_columns, &falls));
+    let (falls, law): (Vec<usize>, Vec<usize>) =
+        (0..law_columns).partition(|at| parts[*at].part == STRIBECK);
+    let judged = JudgedByRun::new(rows, entry, hypothesis, law, falls);
     let kept = judged.best_columns();
-    let names: Vec<&'static str> =
-        hypothesis.set.iter().map(|at| entry.variants[*at as usize].key.cause).collect();
-    let steps = judged.steps(&kept, (entry.base.name, &names));
+    let steps = judged.steps(&kept);
     let level = parts[..law_columns].iter().zip(&entry.base.sizes);
-    let level = level.filter(|((name, _), _)| [COULOMB, STRIBECK].contains(name));
-    let level = level.map(|((_, term), size)| LinearTerm {
-        size: size * entry.base.level_scale,
-        ..term.clone()
-    });
+    let level = level.filter(|(term, _)| [COULOMB, STRIBECK].contains(&term.part.as_str()));
+    let level = level
+        .map(|(term, size)| LinearTerm { size: size * entry.base.level_scale, ..term.clone() });
     let level: Vec<LinearTerm> = level.collect();
     let (torque_delay_s, torque_low_pass) = entry.correction.of_torque(rows.step_s);
     let of_columns = |columns: &[usize]| {
@@ -78,8 +81,8 @@ pub(crate) fn answer(
         let mut measurement = Measurement { torque_delay_s, torque_low_pass, ..signed };
         let mut terms = Vec::new();
         let chosen = columns.iter().map(|at| &parts[*at]);
-        for ((name, term), size) in chosen.zip(judged.sizes(columns)) {
-            match *name {
+        for (term, size) in chosen.zip(judged.sizes(columns)) {
+            match term.part.as_str() {
                 CHANNEL_GAIN => {
                     let gain = channel_gain(term, measurement.torque_sign * size);
                     measurement.channel_gains.extend(gain);
@@ -92,8 +95,8 @@ pub(crate) fn answer(
         let held_out = judged.held_out(rows, columns);
         LinearAnswer { model, measurement, held_out, steps: Vec::new() }
     };
-    let steps = steps.into_iter().map(|(name, columns)| (name, of_columns(&columns))).collect();
-    Some(LinearAnswer { steps, ..of_columns(&kept) })
+    let step = |step: Step| LinearStep { added: step.added, answer: of_columns(&step.columns) };
+    Some(LinearAnswer { steps: steps.into_iter().map(step).collect(), ..of_columns(&kept) })
 }
 
 /// Share of the top speed up to which plain friction has no direction.
@@ -134,6 +137,23 @@ pub(crate) fn plain(rows: &Rows) -> LinearAnswer {
 /// Prior cost of the parts of a law that fall with the speed.
 const FALLS_PRICE: f64 = 0.02;
 
+/// Columns that are chosen together.
+struct Group {
+    /// Name of the law, or of the cause.
+    name: &'static str,
+    columns: Vec<usize>,
+    /// Prior cost.
+    price: f64,
+    /// True for a cause whose covariate is constant in each run.
+    is_constant: bool,
+}
+
+/// The columns of a law with some causes, the last of which is `added`.
+struct Step {
+    added: &'static str,
+    columns: Vec<usize>,
+}
+
 /// The columns of a hypothesis, judged on runs that a fit has not seen.
 ///
 /// The contest leaves out parts of runs where a column is constant in each of a few runs. What varies within a run may then
@@ -141,10 +161,8 @@ const FALLS_PRICE: f64 = 0.02;
 /// ones at their fitted size.
 struct JudgedByRun<'a> {
     columns: Vec<&'a [f64]>,
-    /// Columns of each group with its prior cost: the law without its falls, these, and each cause.
-    groups: Vec<(Vec<usize>, f64)>,
-    /// True for a group of columns that are constant in each run.
-    is_constant: Vec<bool>,
+    /// The law without its falls, these, and each cause.
+    groups: Vec<Group>,
     non_negative: Vec<bool>,
     fold_of_block: Vec<usize>,
     bank: Bank,
@@ -153,42 +171,38 @@ struct JudgedByRun<'a> {
 }
 
 impl<'a> JudgedByRun<'a> {
+    /// Judges the columns of a hypothesis. Those of its law come first: `law`, and `falls`, which fall with the speed.
     fn new(
         rows: &Rows,
         entry: &'a Entry,
         hypothesis: &Hypothesis,
-        (law, falls): (usize, &[usize]),
+        law: Vec<usize>,
+        falls: Vec<usize>,
     ) -> Self {
         let columns = entry.columns(&hypothesis.set);
-        let mut groups = vec![((0..law).filter(|at| !falls.contains(at)).collect(), 0.0)];
-        groups.push((falls.to_vec(), FALLS_PRICE));
-        let mut is_constant = vec![false; 2];
-        let mut next = law;
+        let mut next = law.len() + falls.len();
+        let of_law =
+            |columns, price| Group { name: entry.base.name, columns, price, is_constant: false };
+        let mut groups = vec![of_law(law, 0.0), of_law(falls, FALLS_PRICE)];
         for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
             let place = next..next + variant.columns.len();
             next = place.end;
-            groups.push((place.collect(), variant.price));
             let covariate =
                 rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()]);
-            is_constant.push(covariate.is_some_and(|covariate| {
+            let is_constant = covariate.is_some_and(|covariate| {
                 within_runs(&covariate.scaled, &rows.runs) < MAX_CONSTANT_SHARE
-            }));
+            });
+            let (name, columns) = (variant.key.cause, place.collect());
+            groups.push(Group { name, columns, price: variant.price, is_constant });
         }
         let fold_of_block = folds(rows);
         let non_negative = entry.base.non_negative.clone();
         let bank = Bank::of_target(rows, &columns, &rows.torque, &fold_of_block)
             .with_non_negative(non_negative.iter().copied());
         let beside_constants = None;
-        let mut judged = Self {
-            columns,
-            groups,
-            is_constant,
-            non_negative,
-            fold_of_block,
-            bank,
-            beside_constants,
-        };
-        if judged.is_constant.contains(&true) {
+        let mut judged =
+            Self { columns, groups, non_negative, fold_of_block, bank, beside_constants };
+        if judged.groups.iter().any(|group| group.is_constant) {
             judged.beside_constants = Some(judged.without_constants(rows));
         }
         judged
@@ -200,7 +214,6 @@ impl<'a> JudgedByRun<'a> {
         Self {
             bank: Bank::of_target(rows, &columns, &rows.torque, &fold_of_block),
             groups: Vec::new(),
-            is_constant: Vec::new(),
             non_negative: vec![false; columns.len()],
             fold_of_block,
             columns,
@@ -212,10 +225,8 @@ impl<'a> JudgedByRun<'a> {
         let all: Vec<usize> = (0..self.columns.len()).collect();
         let sizes = self.bank.fit(&all, &mut Workspace::default());
         let mut target = rows.torque.clone();
-        for ((group, _), _) in
-            self.groups.iter().zip(&self.is_constant).filter(|(_, is_constant)| **is_constant)
-        {
-            for at in group {
+        for group in self.groups.iter().filter(|group| group.is_constant) {
+            for at in &group.columns {
                 for (target, value) in target.iter_mut().zip(self.columns[*at]) {
                     *target -= sizes[*at] * value;
                 }
@@ -228,16 +239,16 @@ impl<'a> JudgedByRun<'a> {
     /// Returns the columns of the set of groups with the least cost. The law and the constant groups stay.
     fn best_columns(&self) -> Vec<usize> {
         let optional: Vec<usize> =
-            (1..self.groups.len()).filter(|at| !self.is_constant[*at]).collect();
+            (1..self.groups.len()).filter(|at| !self.groups[*at].is_constant).collect();
         let mut work = Workspace::default();
         let bank = self.beside_constants.as_ref().unwrap_or(&self.bank);
         let mut cost = |set: usize| {
             let has = |at: &usize| set >> at & 1 == 1;
             let chosen = (0..optional.len()).filter(has).map(|at| &self.groups[optional[at]]);
-            let price: f64 = chosen.clone().map(|(_, price)| price).sum();
-            let law = self.groups[0].0.iter();
+            let price: f64 = chosen.clone().map(|group| group.price).sum();
+            let law = self.groups[0].columns.iter();
             let columns: Vec<usize> =
-                law.chain(chosen.flat_map(|(group, _)| group)).copied().collect();
+                law.chain(chosen.flat_map(|group| &group.columns)).copied().collect();
             bank.error(&columns, &mut work) * price.exp()
         };
         let sets = (0..1usize << optional.len()).map(|set| (cost(set), set));
@@ -248,34 +259,30 @@ impl<'a> JudgedByRun<'a> {
         };
         let kept = (0..self.groups.len()).filter(|at| is_kept(*at));
         let mut columns: Vec<usize> =
-            kept.flat_map(|at| self.groups[at].0.iter().copied()).collect();
+            kept.flat_map(|at| self.groups[at].columns.iter().copied()).collect();
         columns.sort_unstable();
         columns
     }
 
-    /// Returns the columns of each step from the law to some columns: causes are added in the order in which they take most. The
-    /// names are those of the law and of the groups after its two.
-    fn steps(
-        &self,
-        kept: &[usize],
-        (law, names): (&'static str, &[&'static str]),
-    ) -> Vec<(&'static str, Vec<usize>)> {
-        let is_kept = |group: &usize| self.groups[*group].0.iter().all(|at| kept.contains(at));
-        let of_law = self.groups[..2].iter().flat_map(|(group, _)| group);
+    /// Returns the steps from the law to some columns: causes are added in the order in which they take most.
+    fn steps(&self, kept: &[usize]) -> Vec<Step> {
+        let is_kept =
+            |group: &usize| self.groups[*group].columns.iter().all(|at| kept.contains(at));
+        let of_law = self.groups[..2].iter().flat_map(|group| &group.columns);
         let mut columns: Vec<usize> = of_law.filter(|at| kept.contains(at)).copied().collect();
         let mut open: Vec<usize> = (2..self.groups.len()).filter(is_kept).collect();
-        let mut steps = vec![(law, columns.clone())];
+        let mut steps = vec![Step { added: self.groups[0].name, columns: columns.clone() }];
         let mut work = Workspace::default();
         while !open.is_empty() {
             let mut error = |place: &usize| {
-                let next = [columns.as_slice(), &self.groups[open[*place]].0].concat();
+                let next = [columns.as_slice(), &self.groups[open[*place]].columns].concat();
                 self.bank.error(&next, &mut work)
             };
             let errors: Vec<f64> = (0..open.len()).map(|place| error(&place)).collect();
             let best = (0..open.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b]));
-            let group = open.remove(best.unwrap_or_default());
-            columns.extend(&self.groups[group].0);
-            steps.push((names[group - 2], columns.clone()));
+            let group = &self.groups[open.remove(best.unwrap_or_default())];
+            columns.extend(&group.columns);
+            steps.push(Step { added: group.name, columns: columns.clone() });
         }
         steps
     }

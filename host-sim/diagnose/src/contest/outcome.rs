@@ -104,8 +104,29 @@ pub struct Outcome {
     pub plain: LinearAnswer,
     /// The best hypothesis that is a model for other logs.
     pub linear: Option<LinearAnswer>,
-    /// Each entry's law and correction, with its error without a cause and its least error, as ratios to the base error.
-    pub entries: Vec<(String, f64, f64)>,
+    /// The combinations of law and correction.
+    pub entries: Vec<EntryErrors>,
+}
+
+/// Errors of one combination of law and correction, as ratios to the squared error of the best law without a cause.
+#[derive(Clone, Debug)]
+pub struct EntryErrors {
+    /// Law and correction.
+    pub name: String,
+    /// Error without a cause; NaN if that was not scored.
+    pub plain: f64,
+    /// Least error; infinite if no hypothesis was scored.
+    pub least: f64,
+}
+
+/// Fall of the error from one hypothesis to another, over blocks or runs.
+#[derive(Default)]
+struct Fall {
+    /// Mean fall, in its standard errors.
+    in_errors: f64,
+    /// Share of the blocks or runs in which the error falls.
+    units_gained: f64,
+    gain: Gain,
 }
 
 impl Outcome {
@@ -154,16 +175,13 @@ impl Outcome {
 }
 
 impl Table<'_> {
-    fn entries(&self, rows: &Rows, base: f64) -> Vec<(String, f64, f64)> {
+    fn entries(&self, rows: &Rows, base: f64) -> Vec<EntryErrors> {
         let describe = |(at, entry): (usize, &Entry)| {
             let in_entry = || self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
             let plain = in_entry().find(|h| h.set.is_empty()).map_or(f64::NAN, |h| h.error / base);
             let least = in_entry().map(|h| h.error / base).fold(f64::INFINITY, f64::min);
-            (
-                format!("{}, {}", entry.base.name, entry.correction.describe(rows.step_s)),
-                plain,
-                least,
-            )
+            let name = format!("{}, {}", entry.base.name, entry.correction.describe(rows.step_s));
+            EntryErrors { name, plain, least }
         };
         self.entries.iter().enumerate().map(describe).collect()
     }
@@ -185,8 +203,8 @@ impl Table<'_> {
         let pair = with.zip(without);
         let alone_share = alone.map_or(0.0, |alone| (base - alone.error) / base);
         let last = pair.map_or(0.0, |(with, without)| (without.error - with.error) / base);
-        let (last_in_errors, units_gained, gain) = pair
-            .map_or_else(Default::default, |(with, without)| self.over_units(rows, with, without));
+        let fall = |(with, without)| self.fall(rows, with, without);
+        let last_fall = pair.map(fall).unwrap_or_default();
         let squares =
             rows.judged.iter().map(|row| (rows.weights[*row] * rows.torque[*row]).powi(2));
         let torque = squares.sum::<f64>().max(f64::MIN_POSITIVE);
@@ -200,13 +218,12 @@ impl Table<'_> {
             is_in_best,
             inclusion: self.draws.inclusion.get(key).copied().unwrap_or_default(),
             alone: alone_share,
-            alone_in_errors: beside_none
-                .map_or(0.0, |(with, without)| self.over_units(rows, with, without).0),
+            alone_in_errors: beside_none.map(fall).unwrap_or_default().in_errors,
             last,
             irreplaceable: (without - with) / base,
-            last_in_errors,
-            units_gained,
-            gain,
+            last_in_errors: last_fall.in_errors,
+            units_gained: last_fall.units_gained,
+            gain: last_fall.gain,
             torque_share: (last.max(0.0) * base / torque).sqrt(),
             beside_slip: self.beside_slip(key).unwrap_or(alone_share),
             size_in_errors: pair.map_or(0.0, |(with, _)| self.size_in_errors(key, with)),
@@ -243,9 +260,8 @@ impl Table<'_> {
         found
     }
 
-    /// Returns the fall of the error from one hypothesis to another, in standard errors over blocks or runs, the share of those
-    /// in which it falls, and the gain.
-    fn over_units(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> (f64, f64, Gain) {
+    /// Returns the fall of the error from one hypothesis to another.
+    fn fall(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> Fall {
         let [with, without] = [with, without].map(|hypothesis| {
             let entry = &self.entries[hypothesis.bank];
             let indices = entry.indices(&hypothesis.set);
@@ -256,10 +272,13 @@ impl Table<'_> {
         let count = falls.len().max(2) as f64;
         let mean = falls.iter().sum::<f64>() / count;
         let variance = falls.iter().map(|fall| (fall - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        let gained = falls.iter().filter(|fall| **fall > 0.0).count() as f64 / count;
+        let gained = falls.iter().filter(|fall| **fall > 0.0).count() as f64;
         let pairs: Vec<[f64; 2]> = without.into_iter().zip(with).map(|(a, b)| [a, b]).collect();
-        let gain = evaluation::gain_of_units(&pairs, 0);
-        (mean / (variance / count).sqrt().max(f64::MIN_POSITIVE), gained, gain)
+        Fall {
+            in_errors: mean / (variance / count).sqrt().max(f64::MIN_POSITIVE),
+            units_gained: gained / count,
+            gain: evaluation::gain_of_units(&pairs, 0),
+        }
     }
 
     /// Returns what a cause takes alone, as a share, beside the best law with slip of a free shape.

@@ -52,12 +52,16 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     let shapes = Shapes::new(rows);
     reverse_driving_torque(rows, &shapes);
     let plain = linear::plain(rows);
-    let Some(kernel) = prepare(rows, &shapes) else {
-        return Outcome { plain, is_reversed: rows.is_reversed, ..Outcome::default() };
-    };
-    let rows = &*rows;
+    let is_reversed = rows.is_reversed;
+    let without_law = |plain| Outcome { plain, is_reversed, ..Outcome::default() };
     let laws = shapes.laws(rows);
-    let Some(first) = laws.first() else { return Outcome { plain, ..Outcome::default() } };
+    let Some(best) = laws.first() else { return without_law(plain) };
+    let kernel = fit_kernel(rows, &shapes, &laws);
+    weigh_rows(rows, &shapes, best, kernel.as_ref());
+    let rows = &*rows;
+    // The weights may change which law is the best.
+    let laws = shapes.laws(rows);
+    let Some(first) = laws.first() else { return without_law(plain) };
     let waves = Waves { orders: Vec::new(), gaps: GapGrid::new(rows, &shapes) };
     let mut contest =
         Contest { rows, shapes: &shapes, free: first, waves, found: Found::default() };
@@ -66,11 +70,11 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     let without_causes =
         kernel.as_ref().map(|kernel| Base::of_kernel(rows, &shapes, kernel, Some(first)));
     contest.find_first_orders(without_causes.as_ref().unwrap_or(&bases[0]));
-    contest.add(bases.iter().cloned().map(|base| (base, Correction::None)).collect());
-    let mut kernels: Vec<(Correction, KernelLaw)> = Vec::new();
+    contest.add(bases.clone(), Correction::None);
+    let mut kernels: Vec<KernelLaw> = Vec::new();
     if let Some(kernel) = kernel {
-        contest.add_kernel(&kernel, Correction::None);
-        kernels.push((Correction::None, kernel));
+        contest.add_kernel(&kernel);
+        kernels.push(kernel);
     }
     for _ in 0..KERNEL_ROUNDS {
         let before = contest.found.best().map_or(f64::INFINITY, Hypothesis::cost);
@@ -122,16 +126,16 @@ impl Found {
 }
 
 impl Contest<'_> {
-    /// Builds entries and searches in them.
-    fn add(&mut self, wanted: Vec<(Base, Correction)>) {
+    /// Builds the entries of laws with a correction and searches in them.
+    fn add(&mut self, bases: Vec<Base>, correction: Correction) {
         let (rows, shapes, waves) = (self.rows, self.shapes, &self.waves);
-        let build = |(base, correction)| {
+        let build = |base| {
             // One after the other, in parallel inside: the columns of an entry are the largest part of the memory.
             let mut entry = Entry::new(rows, shapes, base, correction, waves);
             entry.drop_columns();
             entry
         };
-        let made: Vec<Entry> = wanted.into_iter().map(build).collect();
+        let made: Vec<Entry> = bases.into_iter().map(build).collect();
         self.found.hypotheses.extend(search_all(&made, self.found.entries.len()));
         self.found.entries.extend(made);
     }
@@ -145,25 +149,23 @@ impl Contest<'_> {
     }
 
     /// Adds the driver's law, alone and beside a law of shapes.
-    fn add_kernel(&mut self, kernel: &KernelLaw, correction: Correction) {
-        let base = |free| (Base::of_kernel(self.rows, self.shapes, kernel, free), correction);
-        let both = vec![base(None), base(Some(self.free))];
-        self.add(both);
+    fn add_kernel(&mut self, kernel: &KernelLaw) {
+        let base = |free| Base::of_kernel(self.rows, self.shapes, kernel, free);
+        self.add(vec![base(None), base(Some(self.free))], kernel.correction);
     }
 
     /// Tries corrections of the log beside the best hypothesis, and linearises the driver's law anew with its causes.
-    fn round(&mut self, bases: &[Base], kernels: &mut Vec<(Correction, KernelLaw)>) {
+    fn round(&mut self, bases: &[Base], kernels: &mut Vec<KernelLaw>) {
         let Some(best) = self.best() else { return };
         let entry = &self.found.entries[best.bank];
         let mut wanted = screen(self.rows, entry, &best);
-        wanted.retain(|correction| kernels.iter().all(|(tried, _)| !tried.is_near(*correction)));
+        wanted.retain(|wanted| kernels.iter().all(|law| !law.correction.is_near(*wanted)));
         if matches!(entry.base.origin, Origin::Shapes(_)) {
             // A correction changes the columns of its entry, so each begins with the law's own.
             let is_of_entry =
                 |base: &&Base| base.name == entry.base.name && base.travel == entry.base.travel;
-            let base = bases.iter().find(is_of_entry);
-            let shaped = wanted.iter().filter_map(|c| Some((base?.clone(), *c))).collect();
-            self.add(shaped);
+            let base: Vec<Base> = bases.iter().find(is_of_entry).cloned().into_iter().collect();
+            wanted.iter().for_each(|correction| self.add(base.clone(), *correction));
         }
         let best = self.best().unwrap_or(best);
         self.find_orders(&best);
@@ -173,14 +175,12 @@ impl Contest<'_> {
             wanted.push(entry.correction);
         }
         let fit = |correction: &Correction| {
-            let same = kernels.iter().rev().find(|(tried, _)| tried == correction);
-            let start = same.or(kernels.first()).map(|(_, law)| law.start())?;
-            Some((*correction, KernelLaw::fit(self.rows, &target, *correction, &[start])?))
+            let same = kernels.iter().rev().find(|law| law.correction == *correction);
+            let start = same.or(kernels.first()).map(KernelLaw::start)?;
+            KernelLaw::fit(self.rows, &target, *correction, &[start])
         };
-        let fitted: Vec<(Correction, KernelLaw)> = wanted.par_iter().filter_map(fit).collect();
-        for (correction, law) in &fitted {
-            self.add_kernel(law, *correction);
-        }
+        let fitted: Vec<KernelLaw> = wanted.par_iter().filter_map(fit).collect();
+        fitted.iter().for_each(|law| self.add_kernel(law));
         kernels.extend(fitted);
     }
 
@@ -214,31 +214,29 @@ fn reverse_driving_torque(rows: &mut Rows, shapes: &Shapes) {
     }
 }
 
-/// Fits the driver's law without a cause and weighs the rows by what it leaves. Returns `None` if there is no law at all.
-fn prepare(rows: &mut Rows, shapes: &Shapes) -> Option<Option<KernelLaw>> {
-    let laws = shapes.laws(rows);
-    let law = laws.first()?;
-    let base = Base::of_shapes(rows, shapes, law);
+/// Fits the driver's law without a cause, from the best laws of shapes; `None` if it has no finite fit.
+fn fit_kernel(rows: &Rows, shapes: &Shapes, laws: &[Law]) -> Option<KernelLaw> {
     let start = |law: &Law| {
         let sizes = Base::of_shapes(rows, shapes, law).sizes;
         KernelStart::of_shapes(rows, &LawStart::of_shapes(rows, shapes, law, &sizes))
     };
     let starts: Vec<KernelStart> = laws.iter().take(MOST_STARTS).filter_map(start).collect();
-    let kernel = KernelLaw::fit(rows, &rows.torque, Correction::None, &starts);
+    KernelLaw::fit(rows, &rows.torque, Correction::None, &starts)
+}
+
+/// Weighs the rows by what the better of two laws leaves: the best law of shapes, and the driver's.
+fn weigh_rows(rows: &mut Rows, shapes: &Shapes, law: &Law, kernel: Option<&KernelLaw>) {
+    let base = Base::of_shapes(rows, shapes, law);
     let square =
         |residual: &[f64]| rows.judged.iter().map(|row| residual[*row].powi(2)).sum::<f64>();
-    let stop = |travel: usize| &shapes.stops[travel];
-    match &kernel {
-        Some(kernel) if square(&kernel.residual) < square(&base.residual) => {
-            let stop = stop(shapes.nearest_travel(kernel.travel));
-            weigh(rows, &kernel.residual, stop, &kernel.motion_error, &kernel.memory);
-        }
-        Some(kernel) => {
-            weigh(rows, &base.residual, stop(base.travel), &kernel.motion_error, &kernel.memory);
-        }
-        None => weigh(rows, &base.residual, stop(base.travel), &[], &[]),
-    }
-    Some(kernel)
+    let better = kernel.filter(|kernel| square(&kernel.residual) < square(&base.residual));
+    let (residual, travel) = match better {
+        Some(kernel) => (&kernel.residual, shapes.nearest_travel(kernel.travel)),
+        None => (&base.residual, base.travel),
+    };
+    let motion_error = kernel.map_or(&[][..], |kernel| kernel.motion_error.as_slice());
+    let memory = kernel.map_or(&[][..], |kernel| kernel.memory.as_slice());
+    weigh(rows, residual, &shapes.stops[travel], motion_error, memory);
 }
 
 /// Returns the torque less the causes of a set.
@@ -265,33 +263,41 @@ fn residual(rows: &Rows, entry: &Entry, set: &[u16]) -> Vec<f64> {
     })
 }
 
+/// A correction with the squared error that it leaves.
+#[derive(Clone, Copy)]
+struct Screened {
+    correction: Correction,
+    error: f64,
+}
+
 /// Returns the corrections with which the columns of a hypothesis leave less.
 fn screen(rows: &Rows, entry: &Entry, best: &Hypothesis) -> Vec<Correction> {
     let columns = entry.columns(&best.set);
-    let error = |correction: &Correction| {
+    let screened = |correction: &Correction| {
         let corrected: Vec<Vec<f64>> =
             columns.iter().map(|column| correction.apply(rows, column)).collect();
         let corrected: Vec<&[f64]> = corrected.iter().map(Vec::as_slice).collect();
         let bank = Bank::new(rows, &corrected);
         let all: Vec<usize> = (0..corrected.len()).collect();
-        (bank.error(&all, &mut Workspace::default()), *correction)
+        let error = bank.error(&all, &mut Workspace::default());
+        Screened { correction: *correction, error }
     };
-    let mut errors: Vec<(f64, Correction)> = tried().par_iter().map(error).collect();
-    errors.retain(|(error, _)| *error < (1.0 - MIN_CORRECTION_GAIN) * best.error);
-    errors.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut found: Vec<Screened> = tried().par_iter().map(screened).collect();
+    found.retain(|screened| screened.error < (1.0 - MIN_CORRECTION_GAIN) * best.error);
+    found.sort_by(|a, b| a.error.total_cmp(&b.error));
     // The best of each kind, and that of the best at its best size.
     let mut kept: Vec<Correction> = Vec::new();
-    for (error_of_kind, correction) in errors {
-        let kind = std::mem::discriminant(&correction);
+    for best_of_kind in found {
+        let kind = std::mem::discriminant(&best_of_kind.correction);
         if kept.iter().any(|other| std::mem::discriminant(other) == kind) {
             continue;
         }
-        let better_of = |best: (f64, Correction), near: Vec<Correction>| {
-            let found = near.par_iter().map(error).min_by(|a, b| a.0.total_cmp(&b.0));
-            found.filter(|found| found.0 < best.0).unwrap_or(best)
+        let better_of = |best: Screened, near: Vec<Correction>| {
+            let found = near.par_iter().map(screened).min_by(|a, b| a.error.total_cmp(&b.error));
+            found.filter(|found| found.error < best.error).unwrap_or(best)
         };
-        let best = better_of((error_of_kind, correction), correction.nearer());
-        kept.push(better_of(best, best.1.finer()).1);
+        let best = better_of(best_of_kind, best_of_kind.correction.nearer());
+        kept.push(better_of(best, best.correction.finer()).correction);
     }
     kept.truncate(MOST_CORRECTIONS);
     kept

@@ -22,10 +22,14 @@ impl ContestCalibration {
         let steps: Option<Vec<(f64, f64)>> = list("steps")?.iter().map(pair).collect();
         let tree = |value: &Value| Tree::parse(value.as_str().ok_or_else(|| missing("trees"))?);
         Ok(Self {
-            name: table.get("name").and_then(Item::as_str).unwrap_or("calibration").to_owned(),
             start: table.get("start").and_then(Item::as_float).ok_or_else(|| missing("start"))?,
             trees: Array::iter(list("trees")?).map(tree).collect::<Result<_, _>>()?,
             steps: steps.ok_or_else(|| missing("steps"))?,
+            name: table
+                .get("name")
+                .and_then(Item::as_str)
+                .ok_or_else(|| missing("name"))?
+                .to_owned(),
         })
     }
 
@@ -65,5 +69,12 @@ mod tests {
     fn parse_of_table_without_trees_names_them() {
         let missing = CalibrationError::Missing("trees".into());
         assert_eq!(ContestCalibration::parse("start = 0.0\nsteps = []\n"), Err(missing));
+    }
+
+    #[test]
+    fn parse_of_table_without_name_names_it() {
+        let missing = CalibrationError::Missing("name".into());
+        let text = "start = 0.0\nsteps = []\ntrees = []\n";
+        assert_eq!(ContestCalibration::parse(text), Err(missing));
     }
 }

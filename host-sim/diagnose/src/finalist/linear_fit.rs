@@ -35,6 +35,15 @@ pub(super) struct LinearFit {
     places: Vec<Vec<Range<usize>>>,
 }
 
+/// A candidate of an entrant.
+#[derive(Clone, Copy)]
+pub(super) struct Choice {
+    /// Index of the entrant.
+    pub(super) entrant: usize,
+    /// Index of the candidate among those of the entrant.
+    pub(super) candidate: usize,
+}
+
 /// Solution of a linear fit.
 pub(super) struct LinearSolution {
     /// Changes of the law's parameters.
@@ -47,22 +56,20 @@ pub(super) struct LinearSolution {
 impl LinearFit {
     pub(super) fn new(log: &TrainTest, at: &Sensitivities, entrants: &[Entrant]) -> Self {
         let mut next = at.free.len();
-        let mut regressors = Vec::new();
         let mut place = |candidate: &Candidate| {
             next += candidate.regressors.len();
             next - candidate.regressors.len()..next
         };
-        let mut places: Vec<Vec<Range<usize>>> = Vec::new();
-        for entrant in entrants {
-            places.push(entrant.candidates.iter().map(&mut place).collect());
-            for candidate in &entrant.candidates {
-                regressors.extend(candidate.regressors.iter().map(|by| (by, candidate.extra)));
-            }
-        }
+        let places: Vec<Vec<Range<usize>>> = entrants
+            .iter()
+            .map(|entrant| entrant.candidates.iter().map(&mut place).collect())
+            .collect();
+        let candidates: Vec<&Candidate> =
+            entrants.iter().flat_map(|entrant| &entrant.candidates).collect();
         let size = next + 1;
         let tracks: Vec<_> = log.train_tracks.iter().zip(&at.tracks).collect();
         let of_track = |(track, along): &(&Track, &TrackSensitivities)| {
-            let columns = columns(log, at, (track, along), &regressors);
+            let columns = columns(log, at, track, along, &candidates);
             products(&columns, 0..columns[0].len())
         };
         let parts: Vec<DMatrix<f64>> = tracks.par_iter().map(of_track).collect();
@@ -71,9 +78,10 @@ impl LinearFit {
         Self { products, scale, law: at.free.len(), places }
     }
 
-    /// Solves for the law and some candidates: the index of an entrant, and of its candidate.
-    pub(super) fn solve(&self, candidates: &[(usize, usize)]) -> LinearSolution {
-        let places = || candidates.iter().map(|(entrant, at)| &self.places[*entrant][*at]);
+    /// Solves for the law and some candidates.
+    pub(super) fn solve(&self, chosen: &[Choice]) -> LinearSolution {
+        let place = |choice: &Choice| &self.places[choice.entrant][choice.candidate];
+        let places = || chosen.iter().map(place);
         let all: Vec<usize> = (0..self.law).chain(places().cloned().flatten()).collect();
         let last = self.products.nrows() - 1;
         let scaled = |a: usize, b: usize| self.products[(a, b)] / (self.scale[a] * self.scale[b]);
@@ -93,17 +101,18 @@ impl LinearFit {
     }
 
     /// Chooses the candidate of each entrant, one entrant after the other.
-    pub(super) fn choose(&self) -> Vec<(usize, usize)> {
-        let mut chosen: Vec<(usize, usize)> = Vec::new();
+    pub(super) fn choose(&self) -> Vec<Choice> {
+        let mut chosen: Vec<Choice> = Vec::new();
         for (entrant, places) in self.places.iter().enumerate() {
-            let cost = |(at, place): (usize, &Range<usize>)| {
-                let all = [chosen.as_slice(), &[(entrant, at)]].concat();
+            let cost = |(candidate, place): (usize, &Range<usize>)| {
+                let choice = Choice { entrant, candidate };
+                let all = [chosen.as_slice(), &[choice]].concat();
                 let price = (MIN_GAIN_PER_COEFFICIENT * place.len() as f64).exp();
-                (self.solve(&all).sse * price, at)
+                (self.solve(&all).sse * price, choice)
             };
             let costs = places.iter().enumerate().map(cost);
             let best = costs.min_by(|a, b| a.0.total_cmp(&b.0));
-            chosen.extend(best.map(|(_, at)| (entrant, at)));
+            chosen.extend(best.map(|(_, choice)| choice));
         }
         chosen
     }

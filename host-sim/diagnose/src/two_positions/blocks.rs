@@ -4,7 +4,7 @@
 //! offset of its own. Blocks are the unit of the comparison.
 
 use super::IncomparableReason;
-use joint_log::statistics::quantile_by_count;
+use joint_log::statistics::{extent, quantile_by_count};
 use joint_log::{Dataset, JointKind, Quantity, Run, segments};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -31,6 +31,9 @@ const MOST_ROWS: usize = 30_000;
 /// Shortest time over which rows are averaged, s. A mean of all columns keeps their relation and has less noise of the torque.
 const AVERAGED_S: f64 = 0.008;
 
+/// Most rows that are averaged to one because of the noise. The clock of a faulty log may have steps of 0.
+const MOST_AVERAGED: f64 = 1e3;
+
 /// Largest share of the torque's squares that is taken for noise.
 const MOST_NOISE: f64 = 0.9;
 
@@ -46,8 +49,14 @@ const REVERSALS: usize = 1;
 /// Least and greatest slope of the second position over the first.
 const SLOPES: Range<f64> = 0.9..1.1;
 
-/// First columns: the position, velocity, acceleration and bins of the angle.
-pub(super) const NUISANCES: usize = 3 + ANGLE_BINS;
+/// First columns, which all hypotheses share: position, velocity, acceleration and the bins of the angle.
+const POSITION: usize = 0;
+const VELOCITY: usize = 1;
+const ACCELERATION: usize = 2;
+const FIRST_BIN: usize = 3;
+
+/// Number of the first columns.
+pub(super) const NUISANCES: usize = FIRST_BIN + ANGLE_BINS;
 
 /// Column of the torque.
 pub(super) const TORQUE: usize = NUISANCES;
@@ -153,7 +162,7 @@ impl<'a> Positions<'a> {
                 stretches.push(Stretch { run, rows, position, difference });
             }
         }
-        let slope = slope(&stretches);
+        let slope = slope(&stretches).ok_or(IncomparableReason::NoMotion)?;
         if !SLOPES.contains(&slope) {
             let slope = joint_log::number::figure(slope);
             return Err(IncomparableReason::OtherJoint { slope, position: name });
@@ -222,17 +231,19 @@ impl Blocks {
             quantum: positions.quantum,
         };
         for stretch in &positions.stretches {
-            blocks.add(stretch, positions, (averaged, lag));
+            blocks.add(stretch, positions, averaged, lag);
         }
         blocks
     }
 
-    /// Adds the blocks of a stretch. The first rows are left out, in which the flank is unknown.
+    /// Adds the blocks of a stretch, in which each row is the mean of `averaged` rows. The first rows are left out, in which the
+    /// flank is unknown.
     fn add(
         &mut self,
         stretch: &Stretch,
         positions: &Positions,
-        (averaged, lag): (usize, Option<&Lag>),
+        averaged: usize,
+        lag: Option<&Lag>,
     ) {
         let q = stretch.position;
         let start = q.iter().scan((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
@@ -254,7 +265,10 @@ impl Blocks {
             let mut table = DMatrix::zeros(in_block.len(), self.columns);
             for (place, row) in in_block.enumerate() {
                 for at in first + row * averaged..first + (row + 1) * averaged {
-                    positions.scale.add(&mut table, place, (stretch, at, acceleration[at]));
+                    let values = positions.scale.values(stretch, at, acceleration[at]);
+                    for (column, value) in values {
+                        table[(place, column)] += value;
+                    }
                     course.advance(q[at]);
                     for (value, column) in course.values().zip(OPERATORS..) {
                         table[(place, column)] += value;
@@ -321,15 +335,13 @@ impl Scale {
         let acceleration =
             all(&|stretch| stretch.run.acceleration_or_derived()[stretch.rows.clone()].to_vec());
         let positions = stretches.iter().flat_map(|stretch| stretch.position.iter().copied());
-        let [low, high] =
-            positions.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| [a.min(q), b.max(q)]);
+        let [low, high] = extent(positions);
         let span = match joint {
             JointKind::Revolute => (high - low).min(TAU),
             JointKind::Prismatic => high - low,
         };
         let mut speeds: Vec<f64> = velocity.iter().map(|v| v.abs()).collect();
-        let place = (0.95 * (speeds.len().max(1) - 1) as f64) as usize;
-        let top = *speeds.get_mut(..)?.select_nth_unstable_by(place, f64::total_cmp).1;
+        let top = lower_quantile(&mut speeds, 0.95)?;
         let is_moving = span > 0.0 && top > 0.0;
         is_moving.then(|| Self {
             joint,
@@ -343,34 +355,38 @@ impl Scale {
         })
     }
 
-    /// Adds the values of a row to a row of the table, except those of the stop operators.
-    fn add(
+    /// Returns the values of a row of a stretch with their columns, except those of the stop operators.
+    fn values(
         &self,
-        table: &mut DMatrix<f64>,
-        place: usize,
-        (stretch, row, acceleration): (&Stretch, usize, f64),
-    ) {
-        let (position, at) = (stretch.position[row], stretch.rows.start + row);
-        let velocity = stretch.run.velocity[at];
-        let mut add = |column: usize, value: f64| table[(place, column)] += value;
-        add(0, (position - self.middle) / self.span);
-        add(1, velocity / self.speed);
-        add(2, acceleration / self.acceleration.max(f64::MIN_POSITIVE));
+        stretch: &Stretch,
+        row: usize,
+        acceleration: f64,
+    ) -> impl Iterator<Item = (usize, f64)> {
+        let position = stretch.position[row];
+        let velocity = stretch.run.velocity[stretch.rows.start + row];
+        let torque = stretch.run.torque[stretch.rows.start + row];
         let is_whole_turn = self.joint == JointKind::Revolute && self.span >= TAU;
         let bins = if is_whole_turn { ANGLE_BINS } else { ANGLE_BINS - 1 };
         let folded = (position - self.first).rem_euclid(if is_whole_turn { TAU } else { f64::MAX });
         let along = folded / self.span * bins as f64;
         let (bin, share) = (along.floor() as usize, along.fract());
-        add(3 + bin % ANGLE_BINS, 1.0 - share);
-        add(3 + (bin + 1) % ANGLE_BINS, share);
-        add(TORQUE, stretch.run.torque[at] / self.torque.max(f64::MIN_POSITIVE));
         let direction = (velocity / self.slow).clamp(-1.0, 1.0);
-        add(DIRECTION, direction);
-        for (share, column) in LOW_SPEEDS.iter().zip(DIRECTION + 1..) {
-            let low = share * self.slow / SLOW;
-            add(column, direction * (-(velocity / low).powi(2)).exp());
-        }
-        add(DIFFERENCE, stretch.difference[row]);
+        let slow = self.slow;
+        let low_speeds = LOW_SPEEDS.iter().zip(DIRECTION + 1..).map(move |(share, column)| {
+            let low = share * slow / SLOW;
+            (column, direction * (-(velocity / low).powi(2)).exp())
+        });
+        let others = [
+            (POSITION, (position - self.middle) / self.span),
+            (VELOCITY, velocity / self.speed),
+            (ACCELERATION, acceleration / self.acceleration.max(f64::MIN_POSITIVE)),
+            (FIRST_BIN + bin % ANGLE_BINS, 1.0 - share),
+            (FIRST_BIN + (bin + 1) % ANGLE_BINS, share),
+            (TORQUE, torque / self.torque.max(f64::MIN_POSITIVE)),
+            (DIRECTION, direction),
+            (DIFFERENCE, stretch.difference[row]),
+        ];
+        others.into_iter().chain(low_speeds)
     }
 }
 
@@ -386,15 +402,15 @@ fn difference(first: &[f64], second: &[f64], joint: JointKind) -> Vec<f64> {
     found
 }
 
-/// Returns the slope of the second position over the first.
-fn slope(stretches: &[Stretch]) -> f64 {
-    let mut products = [0.0; 2];
+/// Returns the slope of the second position over the first; `None` if the first is constant.
+fn slope(stretches: &[Stretch]) -> Option<f64> {
+    let (mut squares, mut products) = (0.0, 0.0);
     for stretch in stretches {
         let [q, d] = [stretch.position, &stretch.difference].map(less_mean);
-        products[0] += q.iter().map(|q| q * q).sum::<f64>();
-        products[1] += q.iter().zip(&d).map(|(q, d)| q * d).sum::<f64>();
+        squares += q.iter().map(|q| q * q).sum::<f64>();
+        products += q.iter().zip(&d).map(|(q, d)| q * d).sum::<f64>();
     }
-    1.0 + products[1] / products[0]
+    (squares > 0.0).then(|| 1.0 + products / squares)
 }
 
 /// Returns the largest travel that the difference may hold, without its own slope over the position. `None` if it is constant.
@@ -404,12 +420,15 @@ fn largest_travel(stretches: &[Stretch], slope: f64) -> Option<f64> {
         q.iter().zip(&d).map(|(q, d)| d - slope * q).collect()
     };
     let mut all: Vec<f64> = stretches.iter().flat_map(rest).collect();
-    let mut at = |share: f64| {
-        let place = (share * (all.len() - 1) as f64) as usize;
-        *all.select_nth_unstable_by(place, f64::total_cmp).1
-    };
-    let largest = LARGEST_TRAVEL * (at(0.995) - at(0.005));
-    (largest > 0.0).then_some(largest)
+    let range = lower_quantile(&mut all, 0.995)? - lower_quantile(&mut all, 0.005)?;
+    (range > 0.0).then_some(LARGEST_TRAVEL * range)
+}
+
+/// Returns the value at a share of the way from the least to the largest: rank `share * (n - 1)`, rounded down. `None` without
+/// values.
+fn lower_quantile(values: &mut [f64], share: f64) -> Option<f64> {
+    let last = values.len().checked_sub(1)?;
+    Some(*values.select_nth_unstable_by((share * last as f64) as usize, f64::total_cmp).1)
 }
 
 /// Returns the number of rows that are averaged to one.
@@ -419,7 +438,7 @@ fn averaged(stretches: &[Stretch]) -> usize {
     let (count, time) =
         steps.fold((0usize, 0.0), |(count, time), pair| (count + 1, time + pair[1] - pair[0]));
     let rate = count as f64 / time.max(f64::MIN_POSITIVE);
-    (count / MOST_ROWS + 1).max((rate * AVERAGED_S).round().min(1e3) as usize)
+    (count / MOST_ROWS + 1).max((rate * AVERAGED_S).round().min(MOST_AVERAGED) as usize)
 }
 
 /// Returns the variance of the white noise in a column: of its second differences, whose median jumps do not change.

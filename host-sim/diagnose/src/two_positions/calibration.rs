@@ -5,14 +5,12 @@
 //! two_positions -- --calibrate` makes it.
 
 use super::{FIGURE_COUNT, FIGURES};
+use crate::contest_calibration::{LEAST_PROBABILITY, MOST_PROBABILITY};
 use std::sync::OnceLock;
 use toml_edit::{DocumentMut, Item};
 
 /// Table in the repository.
 const TABLE: &str = include_str!("../../play_calibration.toml");
-
-/// Lowest and highest probability, because no set of logs makes certain.
-pub const BOUNDS: (f64, f64) = (0.005, 0.995);
 
 /// Weights of the figures.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +59,7 @@ impl Calibration {
     pub fn probability(&self, figures: &[f64; FIGURE_COUNT]) -> f64 {
         let sum: f64 =
             self.weights.iter().zip(figures).map(|(weight, figure)| weight * figure).sum();
-        (1.0 / (1.0 + (-self.start - sum).exp())).clamp(BOUNDS.0, BOUNDS.1)
+        (1.0 / (1.0 + (-self.start - sum).exp())).clamp(LEAST_PROBABILITY, MOST_PROBABILITY)
     }
 }
 

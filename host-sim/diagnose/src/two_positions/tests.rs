@@ -1,7 +1,7 @@
 //! Positions that cannot be compared, and those of an encoder of one turn.
 
-use super::TwoPositions;
-use joint_log::Dataset;
+use super::{IncomparableReason, TwoPositions};
+use joint_log::{Dataset, Quantity};
 use std::f64::consts::TAU;
 
 /// Returns the log of a motion over two turns, with the second position of each angle.
@@ -15,6 +15,14 @@ fn log(rows: usize, second: impl Fn(f64) -> f64) -> Dataset {
     };
     let columns = (0..5).map(|column| (0..rows).map(|at| row(at)[column]).collect()).collect();
     Dataset::from_columns(&names.map(String::from), [("a".to_owned(), columns)]).expect("columns")
+}
+
+#[test]
+fn of_positions_of_joint_at_rest_tells_that_nothing_moves() {
+    let mut rests = log(4000, |q| q);
+    rests.runs[0].set(Quantity::Position, vec![0.25; 4000]);
+    let why = TwoPositions::of(&rests).expect("two positions").expect_err("no motion");
+    assert_eq!(why.why, IncomparableReason::NoMotion);
 }
 
 fn note(rows: usize, second: impl Fn(f64) -> f64) -> String {

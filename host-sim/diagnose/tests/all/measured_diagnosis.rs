@@ -62,7 +62,7 @@ impl Named {
         Self {
             cause: finding.cause.name().to_owned(),
             columns: finding.columns.join(","),
-            order: finding.order.map(|(order, _)| order),
+            order: finding.order.map(|order| order.value),
             is_calibration: finding.in_words.contains("calibration"),
         }
     }

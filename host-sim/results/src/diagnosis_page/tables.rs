@@ -66,8 +66,9 @@ pub(super) fn findings(scene: &Scene) -> Table {
         let unit = if finding.size.unit == "1" { "" } else { finding.size.unit.as_str() };
         let rivals: Vec<&str> =
             finding.confusable_with.iter().map(|rival| rival.cause.name()).collect();
-        let order = finding.order.map_or_else(String::new, |(order, error)| {
-            format!(", order {} ± {}", significant(order, 4), significant(2.0 * error, 1))
+        let order = finding.order.map_or_else(String::new, |order| {
+            let reach = significant(2.0 * order.std_error, 1);
+            format!(", order {} ± {reach}", significant(order.value, 4))
         });
         vec![
             finding.cause.name().into(),

@@ -4,10 +4,11 @@
 //! own beside the column as logged.
 
 use super::{Columns, Context, form, of_level};
-use crate::contest::covariate::{Covariate, OtherMotion, correlation};
+use crate::contest::covariate::{Covariate, MOST_LEVELS, OtherMotion};
 use crate::contest::detail::Detail;
 use friction_fit::linear::{Factor, Inputs, Regressor};
 use joint_log::Quantity;
+use joint_log::statistics::correlation;
 
 /// Delays of a covariate that are tried, rows.
 const DELAYS: [i32; 10] = [-20, -10, -5, -3, -1, 1, 3, 5, 10, 20];
@@ -38,11 +39,12 @@ fn forms(
     let inputs = Inputs { motion: &rows.motion, level: context.level, column: &find };
     let explains = |late_s: f64| {
         let column = regressor(covariate.late(late_s)).values(&inputs).unwrap_or_default();
-        correlation(&column, context.residual).powi(2)
+        let rows = column.into_iter().zip(context.residual.iter().copied());
+        correlation(rows).powi(2)
     };
     let mut found = vec![variant(Detail::Only, 0.0)];
     // A column with a few levels does not say when it changed within a level.
-    if covariate.levels < 12 {
+    if covariate.levels < MOST_LEVELS {
         return found;
     }
     let base = explains(0.0);
