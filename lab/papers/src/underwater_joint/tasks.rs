@@ -268,7 +268,7 @@ pub fn run(task: Task, arm: &DriverArm, conditions: &Conditions) -> Result<Cours
         plant.cancel_friction(share, MAX_CURRENT_A * per_ampere);
     }
     let work = |rig: &mut JointRig| master(rig, task, conditions.max_duration_s);
-    run_armed(&arm.set, plant, conditions.faults, work).map_err(PaperError::source)
+    Ok(run_armed(&arm.set, plant, conditions.faults, work)?)
 }
 
 /// Returns the nominal inertia for the design of the loops, from the machine's table.
