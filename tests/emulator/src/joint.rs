@@ -279,8 +279,8 @@ fn counts(share: f64) -> u16 {
 /// Returns the converter's counts for a temperature, deg C; 25 if it is not given.
 fn thermistor_counts(wiring: &Wiring, temperature_c: Option<f32>) -> u16 {
     let wanted = temperature_c.unwrap_or(25.0);
-    let (ratio_at_25, is_above) = wiring.thermistor;
-    let thermistor = Thermistor { ratio_at_25, beta_k: THERMISTOR_BETA_K };
+    let thermistor =
+        Thermistor { ratio_at_25: wiring.thermistor_ratio_at_25, beta_k: THERMISTOR_BETA_K };
     let is_colder = |counts: u16| thermistor.temperature_c(f32::from(counts) / 4096.0) < wanted;
     // The temperature changes in one direction with the counts.
     let (mut low, mut high) = (1u16, 4094u16);
@@ -289,7 +289,7 @@ fn thermistor_counts(wiring: &Wiring, temperature_c: Option<f32>) -> u16 {
         let middle = low.midpoint(high);
         if is_colder(middle) == falls { high = middle } else { low = middle + 1 }
     }
-    if is_above { 4096 - low } else { low }
+    if wiring.is_thermistor_above { 4096 - low } else { low }
 }
 
 /// Largest use of the stack by any driver of this process, bytes.
