@@ -26,7 +26,6 @@ use super::naming::{WeighedCause, weigh};
 use super::rigid_body_hint::RigidBodyHint;
 use super::train_test::TrainTest;
 use super::two_positions::TwoPositions;
-use compensator_core::TermKind;
 use friction_fit::spec::SpecError;
 use friction_fit::{Metrics, Outcome, Predicted};
 use joint_log::Quantity;
@@ -79,7 +78,7 @@ pub fn answer(
     progress: &dyn Fn(&str),
 ) -> Result<Answer, SpecError> {
     progress("comparing hypotheses");
-    let parts = rigid_body(&original.rigid_body);
+    let parts = RigidBody::of(&original.rigid_body);
     let mut rows = Rows::new(&original.train, parts, original.decimate);
     let outcome = contest(&mut rows);
     let rigid_body_hint = RigidBodyHint::of(&mut rows, &outcome.plain);
@@ -138,17 +137,6 @@ fn reversed_torque(log: &TrainTest) -> LogFinding {
             "{column} has the wrong sign: with it friction drives the motion. The diagnosis and its models are of the torque \
              with the other sign."
         ),
-    }
-}
-
-/// Returns the rigid-body parts as the contest takes them.
-fn rigid_body(terms: &[TermKind]) -> RigidBody {
-    let has = |term| terms.contains(&term);
-    RigidBody {
-        inertia: has(TermKind::UnmodelledInertia),
-        gravity: has(TermKind::GravityImbalance),
-        load: has(TermKind::LoadGain),
-        offset: has(TermKind::TorqueOffset),
     }
 }
 

@@ -1,22 +1,40 @@
-//! Grades the diagnosis on scenarios with hidden effects: `benchmark [SEED_BASE] [PER_KIND] [FILTER]`.
+//! Grades the diagnosis on scenarios with hidden effects: `cargo run --release -p friction-grading --example benchmark -- --help`.
 
-use friction_grading::{TUNING_SEED, grade_scenario};
+use clap::Parser;
+use friction_grading::{Grade, GradingError, TUNING_SEED, end, grade_scenario};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use unkind_worlds::planned::{Kind, benchmark};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use unkind_worlds::planned::{Kind, benchmark, draw};
 
-fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let number = |at: usize, default: u64| {
-        arguments.get(at).and_then(|text| text.parse().ok()).unwrap_or(default)
-    };
-    let filter = arguments.get(3).cloned().unwrap_or_default();
-    let scenarios: Vec<(Kind, u64)> = benchmark(number(1, TUNING_SEED), number(2, 1) as usize)
-        .filter(|(kind, _)| format!("{kind:?}").contains(&filter))
+/// Grades the diagnosis on scenarios with hidden effects.
+#[derive(Parser)]
+struct Arguments {
+    /// Base of the seeds
+    #[arg(default_value_t = TUNING_SEED)]
+    seed: u64,
+    /// Scenarios of each kind
+    #[arg(default_value_t = 1)]
+    per_kind: usize,
+    /// Only kinds with this text in their name
+    #[arg(default_value = "")]
+    filter: String,
+    /// Writes the logs to this folder instead of grading them
+    folder: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    end(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), GradingError> {
+    let scenarios: Vec<(Kind, u64)> = benchmark(arguments.seed, arguments.per_kind)
+        .filter(|(kind, _)| format!("{kind:?}").contains(&arguments.filter))
         .collect();
-    if let Some(folder) = arguments.get(4) {
+    if let Some(folder) = &arguments.folder {
         for (index, (kind, seed)) in scenarios.iter().enumerate() {
-            let scenario = unkind_worlds::planned::draw(*kind, *seed);
+            let scenario = draw(*kind, *seed);
             println!(
                 "{index} {:?} {:?} {} Hz noise {}",
                 scenario.truth.hidden,
@@ -24,31 +42,28 @@ fn main() {
                 scenario.truth.rate_hz,
                 scenario.truth.noise_nm
             );
-            let csv = scenario.log.csv();
-            let written = std::fs::write(format!("{folder}/{index}.csv"), csv);
-            assert!(written.is_ok(), "{folder}: not written");
+            let path = folder.join(format!("{index}.csv"));
+            std::fs::write(&path, scenario.log.csv()).map_err(GradingError::io(&path))?;
         }
-        return;
+        return Ok(());
     }
-    let mut grades: Vec<_> = scenarios
-        .into_par_iter()
-        .filter_map(|(kind, seed)| match grade_scenario(kind, seed) {
-            Ok(grade) => Some(grade),
-            Err(why) => {
-                println!("FAILED {why}");
-                None
-            }
-        })
-        .collect();
+    let grades = scenarios.into_par_iter().map(|(kind, seed)| grade_scenario(kind, seed));
+    let mut grades = grades.collect::<Result<Vec<Grade>, GradingError>>()?;
     grades.sort_by_key(|grade| format!("{:?}", grade.kind));
+    report(&grades);
+    Ok(())
+}
+
+/// Prints each grade, and the counts of each kind.
+fn report(grades: &[Grade]) {
     let mut by_kind: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
     let (mut inside, mut sized, mut low) = (0, 0, 0);
-    for grade in &grades {
+    for grade in grades {
         let entry = by_kind.entry(grade.kind.name()).or_default();
         entry.1 += 1;
         entry.0 += usize::from(grade.right);
-        sized += usize::from(grade.size_inside.is_some());
-        inside += usize::from(grade.size_inside == Some(true));
+        sized += usize::from(grade.sizes.is_some());
+        inside += usize::from(grade.sizes.is_some_and(|sizes| sizes.is_inside()));
         low += usize::from(grade.error_over_noise <= 1.2);
         println!(
             "{} {:?} seed {} rows {} visible {:.2} named {:?} confusable {:?} error/noise {:.3} {:.1} s size {:?}",

@@ -17,8 +17,10 @@ use friction_grading::calibration_fit::{Case, fit, out_of_fold, probabilities_ou
 use friction_grading::contest_figures::{self, FigureRow, LOG_GROUPS};
 use friction_grading::contest_verdicts::Grades;
 use friction_grading::evidence_table::{EvidenceRow, parse};
+use friction_grading::{GradingError, end};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 /// Fits the calibration of the contest.
 #[derive(Parser)]
@@ -46,11 +48,14 @@ const FOLDS: usize = 5;
 /// Probability at and above which a cause is named.
 const NAMED: f64 = 0.5;
 
-fn main() -> Result<(), String> {
-    let arguments = Arguments::parse();
+fn main() -> ExitCode {
+    end(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), GradingError> {
     let rows = evidence(&arguments.tables)?;
     let fresh = evidence(&arguments.fresh)?;
-    let (at, cases) = cases(&rows, arguments.measured_share);
+    let (places, cases) = cases(&rows, arguments.measured_share);
     let odds = out_of_fold(&cases);
     let held_out = probabilities_out_of_fold(&cases, &odds);
     let logs = |is_measured: bool| {
@@ -64,26 +69,22 @@ fn main() -> Result<(), String> {
         .iter()
         .map(|row| calibration.probability_of(&row.cause, &row.follows, &row.figures))
         .collect();
-    at.iter().zip(&held_out).for_each(|(at, p)| probabilities[*at] = *p);
+    places.iter().zip(&held_out).for_each(|(at, p)| probabilities[*at] = *p);
 
     println!("{}\n", calibration.name);
-    for (what, is_measured) in [("worlds", false), ("measured", true)] {
-        let is_of_origin = |at: usize| rows[at].is_measured == is_measured;
-        let pairs = at.iter().zip(&cases).zip(&held_out).filter(|((at, _), _)| is_of_origin(**at));
-        let pairs: Vec<(&Case, f64)> = pairs.map(|((_, case), p)| (case, *p)).collect();
-        if pairs.is_empty() {
-            continue;
+    let pairs = |is_measured: bool| -> Vec<(&Case, f64)> {
+        let held_out = places.iter().zip(cases.iter().zip(held_out.iter().copied()));
+        held_out
+            .filter(|(at, _)| rows[**at].is_measured == is_measured)
+            .map(|(_, pair)| pair)
+            .collect()
+    };
+    for (what, pairs) in [("worlds", pairs(false)), ("measured", pairs(true))] {
+        if !pairs.is_empty() {
+            println!("{what}: {}\n\n{}", brier(&pairs), reliability(&pairs));
         }
-        println!("{what}: {}\n\n{}", brier(&pairs), reliability(&pairs));
     }
-    let simulated: Vec<(&Case, f64)> = at
-        .iter()
-        .zip(&cases)
-        .zip(&held_out)
-        .filter(|((at, _), _)| !rows[**at].is_measured)
-        .map(|((_, case), p)| (case, *p))
-        .collect();
-    println!("{}", by_cause(&simulated));
+    println!("{}", by_cause(&pairs(false)));
     println!(
         "| named from | clean wrong | not detectable wrong | one wrong | two wrong | effects found | measured right | wrong |"
     );
@@ -92,7 +93,7 @@ fn main() -> Result<(), String> {
         println!("{}", threshold(&rows, &probabilities, 0.01 * f64::from(percent)));
     }
     println!("\nat {NAMED}:\n\n{}", Grades::new(&rows, &probabilities, NAMED).tables());
-    let table = figures(&calibration, (&rows, &probabilities), &fresh);
+    let table = figures(&calibration, &rows, &probabilities, &fresh);
     for FigureRow { logs, figure, value, .. } in &table {
         println!("{logs}: {figure} {value:.3}");
     }
@@ -100,23 +101,23 @@ fn main() -> Result<(), String> {
         return Ok(());
     }
     if !fresh.is_empty() {
-        let path = contest_figures::PATH;
-        let before = std::fs::read_to_string(path).ok();
-        let before = before.and_then(|text| contest_figures::parse(&text).ok()).unwrap_or_default();
+        let path = Path::new(contest_figures::PATH);
+        let before = std::fs::read_to_string(path).map_err(GradingError::io(path))?;
+        let before = contest_figures::parse(&before)
+            .map_err(|error| error.of(path.display().to_string()))?;
         let text = contest_figures::emit(&table, &before);
-        std::fs::write(path, text).map_err(|e| format!("{path}: {e}"))?;
+        std::fs::write(path, text).map_err(GradingError::io(path))?;
     }
     let path =
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/diagnose/contest_calibration.toml");
-    std::fs::write(path, calibration.emit()).map_err(|e| format!("{path}: {e}"))
+    std::fs::write(path, calibration.emit()).map_err(GradingError::io(path))
 }
 
-fn evidence(paths: &[PathBuf]) -> Result<Vec<EvidenceRow>, String> {
+fn evidence(paths: &[PathBuf]) -> Result<Vec<EvidenceRow>, GradingError> {
     let mut rows = Vec::new();
     for path in paths {
-        let failed = |why: String| format!("{}: {why}", path.display());
-        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
-        rows.extend(parse(&text).map_err(failed)?);
+        let text = std::fs::read_to_string(path).map_err(GradingError::io(path))?;
+        rows.extend(parse(&text).map_err(|error| error.of(path.display().to_string()))?);
     }
     Ok(rows)
 }
@@ -124,30 +125,30 @@ fn evidence(paths: &[PathBuf]) -> Result<Vec<EvidenceRow>, String> {
 /// Returns the figures of the logs of the fit, out of fold, and of fresh ones.
 fn figures(
     calibration: &ContestCalibration,
-    (rows, probabilities): (&[EvidenceRow], &[f64]),
+    rows: &[EvidenceRow],
+    probabilities: &[f64],
     fresh: &[EvidenceRow],
 ) -> Vec<FigureRow> {
-    let part = |is_measured: bool| -> (Vec<EvidenceRow>, Vec<f64>) {
+    let of_group = |logs: &str, rows: &[EvidenceRow], probabilities: &[f64]| {
+        if rows.is_empty() {
+            return Vec::new();
+        }
+        contest_figures::figures(logs, rows, probabilities, NAMED)
+    };
+    let of_fit = |logs: &str, is_measured: bool| {
         let of_origin =
             rows.iter().zip(probabilities).filter(|(row, _)| row.is_measured == is_measured);
-        of_origin.map(|(row, p)| (row.clone(), *p)).unzip()
+        let (rows, probabilities): (Vec<EvidenceRow>, Vec<f64>) =
+            of_origin.map(|(row, p)| (row.clone(), *p)).unzip();
+        of_group(logs, &rows, &probabilities)
     };
-    let of = |logs: &str, (rows, probabilities): (Vec<EvidenceRow>, Vec<f64>)| {
-        let is_empty = rows.is_empty();
-        let table = contest_figures::figures(logs, &rows, &probabilities, NAMED);
-        if is_empty { Vec::new() } else { table }
-    };
-    let fresh_probabilities = fresh
+    let fresh_probabilities: Vec<f64> = fresh
         .iter()
         .map(|row| calibration.probability_of(&row.cause, &row.follows, &row.figures))
         .collect();
     let [measured, worlds, fresh_worlds] = LOG_GROUPS;
-    let parts = [
-        of(measured, part(true)),
-        of(worlds, part(false)),
-        of(fresh_worlds, (fresh.to_vec(), fresh_probabilities)),
-    ];
-    parts.concat()
+    let fresh = of_group(fresh_worlds, fresh, &fresh_probabilities);
+    [of_fit(measured, true), of_fit(worlds, false), fresh].concat()
 }
 
 /// Returns the cases with their rows. Worlds are divided into folds by their name; each machine is a fold of its own.

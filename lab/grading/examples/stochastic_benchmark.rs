@@ -7,23 +7,39 @@
 //! A rule is right if a hidden cause acts through its parameter (`cause::acting_through`), or if it names none in a scenario
 //! without an effect. The constant answer *coulomb_torque* is the reference for guessing.
 //!
-//! `cargo run --release -p friction-grading --example stochastic_benchmark [WORLDS PER KIND] [SEED OF THE WORLDS] [SEED OF
-//! THE CERTIFICATES]`
+//! `cargo run --release -p friction-grading --example stochastic_benchmark -- --help` lists the arguments.
 
+use clap::Parser;
 use compensator_core::{LawKind, ParameterId as Id};
 use friction_diagnose::cause;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, fit, tracks};
 use friction_grading::calibrated_rule::certify_calibrated;
+use friction_grading::{GradingError, end};
 use joint_rig::simulated;
 use rayon::prelude::*;
 use simulated_machines::scenarios::Scenario;
 use std::collections::BTreeMap;
+use std::process::ExitCode;
 use stochastic_extension::Settings;
 use unkind_worlds::planned::{Kind, benchmark, draw};
 
 /// Base seed of the graded scenarios; the threshold of the rule was chosen with seed 1.
 const GRADING_SEED: u64 = 20_261_121;
+
+/// Counts right names of the rules of the stochastic extension.
+#[derive(Parser)]
+struct Arguments {
+    /// Scenarios of each kind
+    #[arg(default_value_t = 2)]
+    per_kind: usize,
+    /// Seed of the scenarios
+    #[arg(default_value_t = GRADING_SEED)]
+    seed: u64,
+    /// Seed of the certificates
+    #[arg(default_value_t = 0)]
+    certificate_seed: u64,
+}
 
 /// Answers of the rules for a scenario.
 struct Verdicts {
@@ -47,19 +63,19 @@ fn is_right(scenario: &Scenario, kind: Kind, named: Option<Id>) -> bool {
     hidden.chain(twins).any(points_at)
 }
 
-fn evaluate(kind: Kind, seed: u64, settings: &Settings) -> Option<Verdicts> {
+fn evaluate(kind: Kind, seed: u64, settings: &Settings) -> Result<Verdicts, GradingError> {
     let scenario = draw(kind, seed);
     let tracks = tracks(&simulated::dataset(&scenario.log));
     let spec = Spec::law(LawKind::Lugre);
     let rows = Rows { tracks: &tracks, decimate: 1 };
     let options = FitOptions { starts: 2, ..FitOptions::default() };
-    let solution = fit(&spec, &spec.parameters().ok()?, rows, &options);
+    let solution = fit(&spec, &spec.parameters()?, rows, &options);
     let begin = std::time::Instant::now();
     let (certificate, calibrated) =
         certify_calibrated(&solution.parameters(), LawKind::Lugre.parameters(), &tracks, settings);
     let seconds = begin.elapsed().as_secs_f64();
     let right = |named| is_right(&scenario, kind, named);
-    Some(Verdicts {
+    Ok(Verdicts {
         kind: kind.name(),
         cause: scenario.truth.cause(),
         literal: certificate.verdict,
@@ -104,19 +120,21 @@ fn print(title: &str, rows: &[(&str, [usize; 4])]) {
     }
 }
 
-fn main() {
-    let mut arguments = std::env::args().skip(1);
-    let mut number = |default: u64| {
-        arguments.next().and_then(|text| text.parse::<u64>().ok()).unwrap_or(default)
-    };
-    let (per_kind, seed) = (number(2) as usize, number(GRADING_SEED));
-    let settings = Settings { seed: number(0), ..Settings::default() };
-    let scenarios: Vec<(Kind, u64)> = benchmark(seed, per_kind).collect();
-    let verdicts: Vec<Verdicts> = scenarios
-        .into_par_iter()
-        .filter_map(|(kind, seed)| evaluate(kind, seed, &settings))
-        .collect();
-    for v in &verdicts {
+fn main() -> ExitCode {
+    end(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), GradingError> {
+    let settings = Settings { seed: arguments.certificate_seed, ..Settings::default() };
+    let scenarios: Vec<(Kind, u64)> = benchmark(arguments.seed, arguments.per_kind).collect();
+    let verdicts = scenarios.into_par_iter().map(|(kind, seed)| evaluate(kind, seed, &settings));
+    let verdicts = verdicts.collect::<Result<Vec<Verdicts>, GradingError>>()?;
+    report(&verdicts);
+    Ok(())
+}
+
+fn report(verdicts: &[Verdicts]) {
+    for v in verdicts {
         println!(
             "{:<11} {:<22} literal {:<18} calibrated {:<18} ratio {:>6.2} sum {:>7.2} {:.2} s",
             v.kind,
@@ -138,7 +156,7 @@ fn main() {
         &table(verdicts.iter().filter(|v| v.kind == "one").map(|v| (v.cause, v))),
     );
     let mut named: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
-    for v in &verdicts {
+    for v in verdicts {
         named.entry(v.literal.name()).or_default()[0] += 1;
         named.entry(v.calibrated.map_or("none", Id::name)).or_default()[1] += 1;
     }

@@ -10,12 +10,17 @@
 //! if a limit is missed.
 
 use clap::Parser;
+use compensator_core::TermKind;
+use friction_fit::spec::parse_rigid_body;
+use friction_grading::GradingError;
+use friction_grading::contest_logs::read_json;
 use friction_grading::transfer_log::TransferLog;
 use friction_grading::transfer_product::{Product, hand_over};
 use friction_grading::transfer_rivals::{plain, trees};
 use measured_logs::MeasuredLogs;
 use rayon::prelude::*;
-use serde_json::Value;
+use serde::Deserialize;
+use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -75,23 +80,36 @@ struct Machine {
     is_of_repository: bool,
 }
 
+/// What is known of a log: the arguments with which it is read.
+#[derive(Deserialize)]
+struct Answer {
+    args: Vec<String>,
+}
+
 /// Errors on a machine's test rows, in the unit of its torque.
 struct Judged {
     name: String,
     is_of_repository: bool,
     plain: f64,
     trees: f64,
-    product: Result<(f64, Product), String>,
+    /// The product's error and what it handed over.
+    product: Result<(f64, Product), GradingError>,
 }
 
-fn main() -> Result<ExitCode, String> {
-    let arguments = Arguments::parse();
+fn main() -> ExitCode {
+    run(&Arguments::parse()).unwrap_or_else(|error| {
+        eprintln!("{error}");
+        ExitCode::FAILURE
+    })
+}
+
+fn run(arguments: &Arguments) -> Result<ExitCode, GradingError> {
     let logs = MeasuredLogs::of_this_run();
-    let mut machines = machines(&logs, &arguments)?;
+    let mut machines = machines(&logs, arguments)?;
     if let Some(only) = &arguments.only {
         machines.retain(|machine| machine.name().contains(only));
     }
-    let judged: Result<Vec<Judged>, String> = machines
+    let judged: Result<Vec<Judged>, GradingError> = machines
         .par_iter()
         .map(|machine| judge(&arguments.host_sim, machine).inspect(|of| eprintln!("{}", of.name)))
         .collect();
@@ -121,37 +139,28 @@ fn main() -> Result<ExitCode, String> {
 
 /// Returns the machines of the repository, with the arguments of the full files' `right-answers.json` where they are read, and
 /// those of the given folder.
-fn machines(logs: &MeasuredLogs, arguments: &Arguments) -> Result<Vec<Machine>, String> {
+fn machines(logs: &MeasuredLogs, arguments: &Arguments) -> Result<Vec<Machine>, GradingError> {
     let file = logs.folder().join("right-answers.json");
-    let answers = if file.is_file() { read_json(&file)? } else { Value::Null };
+    let answers: HashMap<String, Answer> =
+        if file.is_file() { read_json(&file)? } else { HashMap::new() };
     let tables = LOGS.iter().flat_map(|(arguments, names)| {
         names.split(' ').map(|name| {
             let file = format!("{name}.csv");
             let usual = || arguments.split_whitespace().map(str::to_owned).collect();
-            let arguments = answers.get(&file).map_or_else(usual, command_line);
+            let arguments = answers.get(&file).map_or_else(usual, |answer| answer.args.clone());
             Machine { path: logs.file(&file), arguments, is_of_repository: true }
         })
     });
     let mut machines: Vec<Machine> = tables.collect();
     if let (Some(folder), Some(answers)) = (&arguments.folder, &arguments.answers) {
-        for (file, answer) in read_json(answers)?.as_object().into_iter().flatten() {
-            let (path, arguments) = (folder.join(file), command_line(answer));
-            machines.push(Machine { path, arguments, is_of_repository: false });
+        for (file, Answer { args }) in read_json::<HashMap<String, Answer>>(answers)? {
+            let path = folder.join(file);
+            machines.push(Machine { path, arguments: args, is_of_repository: false });
         }
     }
     machines.retain(|machine| machine.path.is_file());
     machines.sort_by_key(|machine| (!machine.is_of_repository, machine.name()));
     Ok(machines)
-}
-
-fn read_json(path: &Path) -> Result<Value, String> {
-    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
-}
-
-fn command_line(answer: &Value) -> Vec<String> {
-    let list = answer["args"].as_array().into_iter().flatten();
-    list.filter_map(Value::as_str).map(str::to_owned).collect()
 }
 
 impl Machine {
@@ -167,21 +176,21 @@ impl Machine {
 }
 
 /// Fits the rivals and the product to the training rows, and judges them by the test rows that the product predicts.
-fn judge(host_sim: &Path, machine: &Machine) -> Result<Judged, String> {
+fn judge(host_sim: &Path, machine: &Machine) -> Result<Judged, GradingError> {
     let name = machine.name();
     let renamed = machine.argument("--columns").split(',').filter_map(|pair| pair.split_once('='));
     let plain_name = |theirs: &str| theirs.split(':').next().unwrap_or_default().to_owned();
     let renamed: Vec<(String, String)> =
         renamed.map(|(ours, theirs)| (ours.to_owned(), plain_name(theirs))).collect();
     let log = TransferLog::read(&machine.path, &renamed)?;
-    let parts: Vec<&str> = machine.argument("--rigid-body").split(',').collect();
+    let rigid_body: Vec<TermKind> = parse_rigid_body(machine.argument("--rigid-body"))?;
     let product = hand_over(host_sim, &log, &machine.arguments);
     let is_predicted = |row: &usize| match &product {
         Ok(product) => product.predicted[*row].is_finite(),
         Err(_) => true,
     };
     let rows: Vec<usize> = log.judging_rows().into_iter().filter(is_predicted).collect();
-    let prediction = plain(&log, &parts);
+    let prediction = plain(&log, &rigid_body);
     let of_trees = trees(&log, &rows);
     Ok(Judged {
         plain: log.rmse(&rows, |row| prediction[row]),
@@ -207,7 +216,7 @@ impl Judged {
         let share = self.share().map_or("-".into(), |share| format!("{share:.3}"));
         let text = match &self.product {
             Ok((_, product)) => product.describe(),
-            Err(why) => why.clone(),
+            Err(why) => why.to_string(),
         };
         let trees = self.trees / self.plain;
         format!("{:22} {:11.4e}  {share:>7}  {trees:5.3}  {text}", self.name, self.plain)

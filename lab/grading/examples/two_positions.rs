@@ -11,6 +11,8 @@
 use clap::Parser;
 use friction_diagnose::two_positions::FIGURES;
 use friction_grading::gear_play::{PlayCase, cases, fit, table};
+use friction_grading::{GradingError, end};
+use std::process::ExitCode;
 
 /// Grades or calibrates.
 #[derive(Parser)]
@@ -35,9 +37,12 @@ struct Arguments {
 /// First seed of the joints of the calibration.
 const CALIBRATION_SEED: u64 = 20_000;
 
-fn main() -> Result<(), String> {
-    let arguments = Arguments::parse();
-    let cases = cases(arguments.seed, arguments.joints);
+fn main() -> ExitCode {
+    end(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), GradingError> {
+    let cases = cases(arguments.seed, arguments.joints)?;
     if arguments.list {
         println!(
             "joint\tseed\tplay\ttorsion\tfound\tlost motion\tprobability\t{}",
@@ -47,7 +52,7 @@ fn main() -> Result<(), String> {
     }
     let write = |path: &str, text: &str| {
         let path = format!("{}/{path}", env!("CARGO_MANIFEST_DIR"));
-        std::fs::write(&path, text).map_err(|e| format!("{path}: {e}"))
+        std::fs::write(&path, text).map_err(GradingError::io(&path))
     };
     if arguments.calibrate {
         return write("../../host-sim/diagnose/play_calibration.toml", &fit(&cases).emit());

@@ -7,10 +7,12 @@
 
 use clap::Parser;
 use friction_grading::contest::{Contest, run_contest};
-use friction_grading::{measured, score};
+use friction_grading::measured::{MEASURED_LOGS, MeasuredContest};
+use friction_grading::{GradingError, end, score};
 use measured_logs::MeasuredLogs;
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use unkind_worlds::{Family, SensorKind};
@@ -73,13 +75,16 @@ fn family(name: &str) -> Result<Family, String> {
     })
 }
 
-fn main() -> Result<(), String> {
-    let arguments = Arguments::parse();
+fn main() -> ExitCode {
+    end(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), GradingError> {
     if let (Some(seed), Some(folder)) = (arguments.world, &arguments.out) {
         return write_world(seed, folder);
     }
     if arguments.measured {
-        return measured_logs(&arguments);
+        return measured_logs(arguments);
     }
     let seeds: Vec<u64> = match arguments.world {
         Some(seed) => vec![seed],
@@ -98,20 +103,19 @@ fn main() -> Result<(), String> {
     let contests = all(&worlds, arguments.rival_only, arguments.threads);
     if let Some(path) = &arguments.json {
         let list: Vec<Value> = contests.iter().map(Contest::json).collect();
-        let text = serde_json::to_string_pretty(&list).map_err(|e| e.to_string())?;
-        std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+        write(path, &format!("{:#}", Value::from(list)))?;
     }
     let tables = score::tables(&contests);
     println!("{tables}");
     if arguments.update {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/graded/diagnosis-benchmark.tsv");
         let text = score::file(&contests, arguments.seed, &tables);
-        std::fs::write(path, text).map_err(|e| format!("{path}: {e}"))?;
+        write(Path::new(path), &text)?;
     }
     println!("{}", score::times(&contests));
     println!("\nmissed:\n{}", score::misses(&contests));
     if contests.len() < worlds.len() {
-        return Err(format!("{} worlds had no answer", worlds.len() - contests.len()));
+        return Err(GradingError::NoAnswers(worlds.len() - contests.len()));
     }
     Ok(())
 }
@@ -129,9 +133,7 @@ fn all(worlds: &[(u64, Family)], rival_only: bool, threads: usize) -> Vec<Contes
                     match run_contest(seed, family, rival_only) {
                         Ok(found) => {
                             eprintln!("{}", found.line());
-                            if let Ok(mut done) = done.lock() {
-                                done.push((place, found));
-                            }
+                            done.lock().expect("no thread panics").push((place, found));
                         }
                         Err(why) => eprintln!("FAILED {why}"),
                     }
@@ -139,18 +141,19 @@ fn all(worlds: &[(u64, Family)], rival_only: bool, threads: usize) -> Vec<Contes
             });
         }
     });
-    let mut done = done.into_inner().unwrap_or_default();
+    let mut done = done.into_inner().expect("no thread panics");
     done.sort_by_key(|(place, _)| *place);
     done.into_iter().map(|(_, contest)| contest).collect()
 }
 
-fn measured_logs(arguments: &Arguments) -> Result<(), String> {
-    let logs = MeasuredLogs::full().ok_or("no measured logs: set MEASURED_DATA to their folder")?;
+fn measured_logs(arguments: &Arguments) -> Result<(), GradingError> {
+    let logs = MeasuredLogs::full().ok_or(GradingError::NoMeasuredLogs)?;
     println!("| file | rows | known | diagnosis | gain | s | regression | gain | s |");
     println!("|---|---|---|---|---|---|---|---|---|");
     let (mut all, mut right) = (0, [0, 0]);
-    for log in measured::MEASURED_LOGS.iter().filter(|log| log.file.contains(&arguments.file)) {
-        let Some((rows, ours, rival)) = log.contest(&logs, arguments.rival_only)? else {
+    for log in MEASURED_LOGS.iter().filter(|log| log.file.contains(&arguments.file)) {
+        let contest = log.contest(&logs, arguments.rival_only)?;
+        let Some(MeasuredContest { rows, ours, rival }) = contest else {
             println!("| {} | not there |", log.file);
             continue;
         };
@@ -174,14 +177,15 @@ fn measured_logs(arguments: &Arguments) -> Result<(), String> {
     Ok(())
 }
 
-fn write_world(seed: u64, folder: &std::path::Path) -> Result<(), String> {
+fn write(path: &Path, text: &str) -> Result<(), GradingError> {
+    std::fs::write(path, text).map_err(GradingError::io(path))
+}
+
+fn write_world(seed: u64, folder: &Path) -> Result<(), GradingError> {
     let world = unkind_worlds::draw(seed);
-    let truth = serde_json::to_string_pretty(&world.truth.json()).map_err(|e| e.to_string())?;
-    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    for (name, text) in [("data.csv", world.log.csv()), ("truth.json", truth + "\n")] {
-        let path = folder.join(name);
-        std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
-    }
+    std::fs::create_dir_all(folder).map_err(GradingError::io(folder))?;
+    write(&folder.join("data.csv"), &world.log.csv())?;
+    write(&folder.join("truth.json"), &format!("{:#}\n", world.truth.json()))?;
     println!("{}", world.truth.description);
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Regressors of each cause for the reference regression, as an engineer would choose them in an afternoon.
 
 use super::regressors::{BaseModel, LongData, Regressor};
+use compensator_core::TermKind;
 use joint_log::{JointKind, Quantity};
 
 /// Regressors, and the causes that use them.
@@ -66,7 +67,7 @@ fn varies(column: &[f64]) -> bool {
 pub(super) fn cause_regressors(
     data: &LongData,
     base: &BaseModel,
-    rigid_body: &[&str],
+    rigid_body: &[TermKind],
 ) -> CauseRegressors {
     let mut causes = CauseRegressors::default();
     causes.add_load_causes(data, base, rigid_body);
@@ -81,7 +82,7 @@ pub(super) fn cause_regressors(
 
 impl CauseRegressors {
     /// Adds the causes of pressure, side load and transmitted torque.
-    fn add_load_causes(&mut self, data: &LongData, base: &BaseModel, rigid_body: &[&str]) {
+    fn add_load_causes(&mut self, data: &LongData, base: &BaseModel, rigid_body: &[TermKind]) {
         let sign = &base.sign;
         if let Some(pressure) = data.quantity(Quantity::Pressure) {
             let level = product(sign, &pressure);
@@ -99,7 +100,7 @@ impl CauseRegressors {
         if let Some(load) = data.quantity(Quantity::LoadTorque) {
             let size: Regressor = load.iter().map(|l| l.abs()).collect();
             self.add("load-torque-coulomb", vec![product(sign, &size)]);
-            if !rigid_body.contains(&"load") {
+            if !rigid_body.contains(&TermKind::LoadGain) {
                 self.add("unknown", vec![centred(load)]);
             }
         }
@@ -129,16 +130,16 @@ impl CauseRegressors {
     }
 
     /// Adds the causes of direction, offset, speed, acceleration and delay.
-    fn add_motion_causes(&mut self, data: &LongData, base: &BaseModel, rigid_body: &[&str]) {
+    fn add_motion_causes(&mut self, data: &LongData, base: &BaseModel, rigid_body: &[TermKind]) {
         let (sign, velocity) = (&base.sign, &data.velocity);
         let speed: Regressor = velocity.iter().map(|v| v.abs()).collect();
         let size: Regressor = sign.iter().map(|s| s.abs()).collect();
         self.add("direction-asymmetry", vec![size, speed.clone()]);
-        if !rigid_body.contains(&"offset") {
+        if !rigid_body.contains(&TermKind::TorqueOffset) {
             self.add("torque-offset", vec![vec![1.0; velocity.len()]]);
         }
         self.add("quadratic-drag", vec![product(velocity, &speed)]);
-        if !rigid_body.contains(&"inertia") {
+        if !rigid_body.contains(&TermKind::UnmodelledInertia) {
             self.add("unmodelled-inertia", vec![data.acceleration()]);
         }
         self.add("channel-delay", vec![data.derivative(sign), data.derivative(velocity)]);
@@ -172,7 +173,7 @@ impl CauseRegressors {
     }
 
     /// Adds the causes that follow the angle of a revolute joint.
-    fn add_angle_causes(&mut self, data: &LongData, base: &BaseModel, rigid_body: &[&str]) {
+    fn add_angle_causes(&mut self, data: &LongData, base: &BaseModel, rigid_body: &[TermKind]) {
         let is_revolute = data.data.joint == JointKind::Revolute;
         let angle = data.quantity(Quantity::Position).filter(|_| is_revolute);
         let Some(angle) = angle else { return };
@@ -193,7 +194,7 @@ impl CauseRegressors {
                 let family = [order - 1, order, order + 1, 2 * order, 4 * order];
                 self.causes.push(("torque-ripple", of(order).collect()));
                 self.causes.push(("torque-ripple", family.into_iter().flat_map(of).collect()));
-            } else if !rigid_body.contains(&"gravity") {
+            } else if !rigid_body.contains(&TermKind::GravityImbalance) {
                 self.causes.push(("gravity-imbalance", of(1).collect()));
             }
         }

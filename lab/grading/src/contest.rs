@@ -10,8 +10,10 @@
 //! that hold for the log whatever is hidden (a filtered torque *is* late) are removed first. Processor time is that of one
 //! thread.
 
+use super::GradingError;
 use super::diagnose_log;
 use super::regression::regress;
+use compensator_core::TermKind;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding};
 use friction_fit::spec::parse_rigid_body;
 use joint_log::{Dataset, Split};
@@ -105,8 +107,10 @@ pub fn verdict(
 ///
 /// # Errors
 /// Returns an error if no thread can be created.
-pub fn time_on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<(T, f64), String> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| e.to_string())?;
+pub fn time_on_one_thread<T: Send>(
+    work: impl FnOnce() -> T + Send,
+) -> Result<(T, f64), GradingError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let clock = || {
         let now = clock_gettime(ClockId::ThreadCPUTime);
         now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
@@ -121,18 +125,23 @@ pub fn time_on_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> Result<(T
 /// Runs the regression, and unless `rival_only` the diagnosis, on the world of a seed in a family.
 ///
 /// # Errors
-/// Returns one line if the log cannot be split or diagnosed, because such a world must not be dropped from the count.
-pub fn run_contest(seed: u64, family: Family, rival_only: bool) -> Result<Contest, String> {
+/// Returns an error if the log cannot be diagnosed, because such a world must not be dropped from the count.
+pub fn run_contest(seed: u64, family: Family, rival_only: bool) -> Result<Contest, GradingError> {
     let UnkindWorld { log, truth } = unkind_worlds::draw_family(seed, family);
     let data = simulated::dataset(&log);
-    let rival = rival(&data, &truth)?;
-    let ours = if rival_only { None } else { Some(ours(&data, &truth)?) };
+    let rigid_body = parse_rigid_body(&truth.rigid_body.join(","))?;
+    let rival = rival(&data, &truth, &rigid_body)?;
+    let ours = if rival_only { None } else { Some(ours(&data, &truth, rigid_body)?) };
     let truth = UnkindTruth { floor_errors: Vec::new(), torque: Vec::new(), ..truth };
     Ok(Contest { truth, rows: data.rows, ours, rival })
 }
 
-fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
-    let (found, seconds) = time_on_one_thread(|| regress(data, &truth.rigid_body))?;
+fn rival(
+    data: &Dataset,
+    truth: &UnkindTruth,
+    rigid_body: &[TermKind],
+) -> Result<Answer, GradingError> {
+    let (found, seconds) = time_on_one_thread(|| regress(data, rigid_body))?;
     Ok(Answer {
         candidates: found.describe(),
         verdict: verdict(truth, &found.named, &[]),
@@ -147,13 +156,14 @@ fn rival(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
     })
 }
 
-fn ours(data: &Dataset, truth: &UnkindTruth) -> Result<Answer, String> {
-    let failed = |why: String| format!("seed {}: {why}", truth.seed);
-    let rigid_body =
-        parse_rigid_body(&truth.rigid_body.join(",")).map_err(|e| failed(e.to_string()))?;
+fn ours(
+    data: &Dataset,
+    truth: &UnkindTruth,
+    rigid_body: Vec<TermKind>,
+) -> Result<Answer, GradingError> {
     let question = DiagnosisOptions { rigid_body, ..DiagnosisOptions::default() };
     let (answer, seconds) = time_on_one_thread(|| diagnose_log(data.clone(), &question))?;
-    let (found, parts) = answer.map_err(failed)?;
+    let (found, parts) = answer.map_err(|error| error.of(format!("seed {}", truth.seed)))?;
     let named: Vec<&'static str> = found.findings.iter().map(|f| f.cause.name()).collect();
     let first = found.findings.first();
     let confusable: Vec<&'static str> = first.map_or(Vec::new(), |finding| {

@@ -3,6 +3,7 @@
 //! A row of the table: the group of logs, the figure, its value, and the limits within which it must lie. The limits are set by
 //! hand when a table is accepted; a new value outside of them on either side is a change that somebody must look at.
 
+use crate::GradingError;
 use crate::contest_verdicts::Grades;
 use crate::evidence_table::{EvidenceRow, Truth};
 use std::fmt::Write;
@@ -150,14 +151,17 @@ fn around(value: f64) -> [f64; 2] {
 /// Parses a table.
 ///
 /// # Errors
-/// Returns one line if the head or a row is invalid.
-pub fn parse(text: &str) -> Result<Vec<FigureRow>, String> {
+/// Returns an error if the head or a row is invalid.
+pub fn parse(text: &str) -> Result<Vec<FigureRow>, GradingError> {
     let mut lines = text.lines();
     if lines.next() != Some(HEAD) {
-        return Err(format!("the head is not {HEAD:?}"));
+        return Err(GradingError::Head(HEAD));
     }
     let row = |(at, line): (usize, &str)| {
-        let wrong = || format!("line {}: expected logs, figure and three numbers", at + 2);
+        let wrong = || GradingError::Line {
+            line: at + 2,
+            expected: "logs, figure and three numbers".into(),
+        };
         let cells: Vec<&str> = line.split('\t').collect();
         let [logs, figure, numbers @ ..] = cells.as_slice() else { return Err(wrong()) };
         let numbers: Vec<f64> = numbers
@@ -189,7 +193,8 @@ mod tests {
             is_candidate,
             confusable_with: Vec::new(),
             law: String::new(),
-            plain: [0.0; 2],
+            inclusion: 0.0,
+            materiality: 0.0,
             floors: 1.0,
             rmse: [1.0; 2],
             figures: vec![0.0; friction_diagnose::contest_calibration::FIGURES.len()],

@@ -1,12 +1,16 @@
 //! Logs with known causes for a contest: a folder of written worlds, and the measured logs.
 
+use crate::GradingError;
 use crate::evidence_table::{EvidenceRow, Truth};
 use crate::measured::MEASURED_LOGS;
 use friction_diagnose::contest::{Figures, Outcome, RigidBody, Rows, contest};
 use friction_diagnose::contest_calibration::{FIGURES, figures};
-use joint_log::log_check::{self, Corrections};
-use joint_log::{ReadOptions, read};
-use serde_json::Value;
+use friction_diagnose::prepare::{PrepareOptions, Source, prepare};
+use friction_fit::spec::parse_rigid_body;
+use joint_log::SplitRule;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// A log with its arguments and known causes.
@@ -20,26 +24,51 @@ pub struct KnownLog {
     pub origin: String,
     /// True if the log is measured.
     pub is_measured: bool,
-    /// Hidden effects, each with its detectability.
-    pub hidden: Vec<(String, bool)>,
+    /// Hidden effects.
+    pub hidden: Vec<KnownEffect>,
     /// Causes that hold for the log whatever is hidden, or answers that count as right for a measured log.
     pub of_log: Vec<String>,
     /// Answers that a measured log must not have.
     pub never: Vec<String>,
-    options: ReadOptions,
-    rigid_body: RigidBody,
-    decimate: usize,
+    options: PrepareOptions,
+}
+
+/// An effect that a world hides.
+#[derive(Clone, Debug, Deserialize)]
+pub struct KnownEffect {
+    /// Its cause.
+    pub cause: String,
+    /// True if a refit of the true structure shows it.
+    #[serde(rename = "detectable")]
+    pub is_detectable: bool,
+}
+
+/// The parts of a world's truth that a contest needs. A missing key is an error: without it, the world would count as one that
+/// hides nothing.
+#[derive(Deserialize)]
+struct WorldTruth {
+    plant: String,
+    hidden: Vec<KnownEffect>,
+    rigid_body: Vec<String>,
+    true_of_the_log: Vec<String>,
+}
+
+/// What is known of a measured log, and the arguments of the command line with which it is read.
+#[derive(Deserialize)]
+struct MeasuredTruth {
+    accept: Vec<String>,
+    never: Vec<String>,
+    args: Vec<String>,
 }
 
 /// Returns the worlds of a folder, in the order of their names.
 ///
 /// # Errors
-/// Returns one line if the folder or a truth cannot be read.
-pub fn worlds(folder: &Path) -> Result<Vec<KnownLog>, String> {
-    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+/// Returns an error if the folder or a truth cannot be read.
+pub fn worlds(folder: &Path) -> Result<Vec<KnownLog>, GradingError> {
     let mut paths = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
+    for entry in std::fs::read_dir(folder).map_err(GradingError::io(folder))? {
+        let path = entry.map_err(GradingError::io(folder))?.path();
         if path.extension().is_some_and(|end| end == "json") {
             paths.push(path);
         }
@@ -48,59 +77,46 @@ pub fn worlds(folder: &Path) -> Result<Vec<KnownLog>, String> {
     paths.iter().map(|path| world(path)).collect()
 }
 
-fn world(path: &Path) -> Result<KnownLog, String> {
-    let truth = json(path)?;
-    let effects = truth["hidden"].as_array().into_iter().flatten();
-    let effect = |effect: &Value| {
-        let cause = effect["cause"].as_str().unwrap_or_default().to_owned();
-        (cause, effect["detectable"].as_bool().unwrap_or_default())
-    };
-    Ok(KnownLog {
-        hidden: effects.map(effect).collect(),
-        of_log: strings(&truth["true_of_the_log"]),
-        rigid_body: rigid_body(&strings(&truth["rigid_body"]))?,
-        origin: truth["plant"].as_str().unwrap_or_default().into(),
-        ..KnownLog::new(path.with_extension("csv"), false)
-    })
+fn world(path: &Path) -> Result<KnownLog, GradingError> {
+    let truth: WorldTruth = read_json(path)?;
+    let mut log = KnownLog::new(path.with_extension("csv"), false);
+    log.options.rigid_body = parse_rigid_body(&truth.rigid_body.join(","))?;
+    Ok(KnownLog { hidden: truth.hidden, of_log: truth.true_of_the_log, origin: truth.plant, ..log })
 }
 
 /// Returns the measured logs of a folder, with the arguments and answers of its `right-answers.json` or `answers.json`, and
 /// those logs of [`MEASURED_LOGS`] that are missing there.
 ///
 /// # Errors
-/// Returns one line if the answers cannot be read.
-pub fn measured(folder: &Path) -> Result<Vec<KnownLog>, String> {
+/// Returns an error if the answers cannot be read.
+pub fn measured(folder: &Path) -> Result<Vec<KnownLog>, GradingError> {
     let names = ["right-answers.json", "answers.json"].map(|name| folder.join(name));
     let path = names.iter().find(|path| path.is_file()).unwrap_or(&names[0]);
-    let answers = json(path)?;
+    let answers: Map<String, Value> = read_json(path)?;
     let mut logs = Vec::new();
-    for (file, answer) in answers.as_object().into_iter().flatten() {
-        let mut log = KnownLog {
-            of_log: strings(&answer["accept"]),
-            never: strings(&answer["never"]),
-            ..KnownLog::new(folder.join(file), true)
-        };
-        log.set(&strings(&answer["args"]))?;
-        logs.push(log);
+    for (file, answer) in &answers {
+        let truth = MeasuredTruth::deserialize(answer)
+            .map_err(|error| GradingError::Json { path: path.clone(), error }.of(file))?;
+        let mut log = KnownLog::new(folder.join(file), true);
+        log.set(&truth.args).map_err(|error| error.of(file))?;
+        logs.push(KnownLog { of_log: truth.accept, never: truth.never, ..log });
     }
-    for known in MEASURED_LOGS.iter().filter(|log| answers.get(log.file).is_none()) {
-        if known.known.is_empty() {
+    for known in MEASURED_LOGS.iter().filter(|log| !answers.contains_key(log.file)) {
+        let log = KnownLog::new(folder.join(known.file), true);
+        if known.known.is_empty() || !log.path.is_file() {
             continue;
         }
-        let mut log = KnownLog {
-            of_log: known.known.iter().map(|cause| (*cause).to_owned()).collect(),
-            ..KnownLog::new(folder.join(known.file), true)
-        };
-        log.set(&known.arguments())?;
-        logs.push(log);
+        let of_log = known.known.iter().map(|cause| (*cause).to_owned()).collect();
+        logs.push(KnownLog { of_log, options: known.options(), ..log });
     }
-    logs.retain(|log| log.path.is_file());
     Ok(logs)
 }
 
 impl KnownLog {
     fn new(path: PathBuf, is_measured: bool) -> Self {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let options =
+            PrepareOptions { split: SplitRule::LeaveOneRunOut, ..PrepareOptions::default() };
         Self {
             origin: machine(&name),
             name,
@@ -109,30 +125,32 @@ impl KnownLog {
             hidden: Vec::new(),
             of_log: Vec::new(),
             never: Vec::new(),
-            options: ReadOptions::default(),
-            rigid_body: RigidBody::default(),
-            decimate: 1,
+            options,
         }
     }
 
     /// Sets the arguments of the command line.
-    fn set(&mut self, arguments: &[String]) -> Result<(), String> {
+    fn set(&mut self, arguments: &[String]) -> Result<(), GradingError> {
         for pair in arguments.chunks(2) {
-            let [name, value] = pair else { return Err(format!("{}: missing value", pair[0])) };
-            let number = || value.parse::<usize>().map_err(|e| format!("{name}: {e}"));
+            let [name, value] = pair else { return Err(GradingError::NoValue(pair[0].clone())) };
+            let wrong = |expected: &'static str| GradingError::Value {
+                name: name.clone(),
+                found: value.clone(),
+                expected,
+            };
+            let number = || value.parse::<usize>().map_err(|_| wrong("a whole number"));
             match name.as_str() {
-                "--rigid-body" => {
-                    let parts: Vec<String> = value.split(',').map(str::to_owned).collect();
-                    self.rigid_body = rigid_body(&parts)?;
-                }
+                "--rigid-body" => self.options.rigid_body = parse_rigid_body(value)?,
                 "--columns" => {
-                    let pairs = value.split(',').filter_map(|pair| pair.split_once('='));
-                    self.options.columns =
-                        pairs.map(|(ours, theirs)| (ours.to_owned(), theirs.to_owned())).collect();
+                    let pairs = value.split(',').map(|pair| pair.split_once('='));
+                    let pairs = pairs.map(|pair| pair.ok_or_else(|| wrong("a=b,c=d")));
+                    let pairs: Vec<(&str, &str)> = pairs.collect::<Result<_, _>>()?;
+                    let owned = |(ours, theirs): (&str, &str)| (ours.to_owned(), theirs.to_owned());
+                    self.options.read.columns = pairs.into_iter().map(owned).collect();
                 }
-                "--skip" => self.options.skip = number()?,
-                "--decimate" => self.decimate = number()?,
-                _ => return Err(format!("{}: unknown argument {name}", self.name)),
+                "--skip" => self.options.read.skip = number()?,
+                "--decimate" => self.options.decimate = number()?,
+                _ => return Err(GradingError::UnknownArgument(name.clone())),
             }
         }
         Ok(())
@@ -141,13 +159,12 @@ impl KnownLog {
     /// Runs the contest and returns its evidence.
     ///
     /// # Errors
-    /// Returns one line if the log cannot be read.
-    pub fn evidence(&self) -> Result<Vec<EvidenceRow>, String> {
-        let failed = |e: &dyn std::fmt::Display| format!("{}: {e}", self.name);
-        let data = read(std::slice::from_ref(&self.path), &self.options, &|_, _| {})
-            .map_err(|e| failed(&e))?;
-        let data = log_check::check(data, Corrections::default()).data;
-        let mut rows = Rows::new(&data, self.rigid_body, self.decimate);
+    /// Returns an error if the log cannot be read, or the product refuses it.
+    pub fn evidence(&self) -> Result<Vec<EvidenceRow>, GradingError> {
+        let input = prepare(&Source::Files(vec![self.path.clone()]), &self.options)
+            .map_err(|error| GradingError::from(error).of(&self.name))?;
+        let rigid_body = RigidBody::of(&input.rigid_body);
+        let mut rows = Rows::new(&input.data, rigid_body, input.decimate);
         Ok(self.rows(&contest(&mut rows)))
     }
 
@@ -161,13 +178,14 @@ impl KnownLog {
         let mut rows = vec![row("none")];
         let is_candidate =
             |cause: &str| outcome.causes.iter().any(|fitted| fitted.key.cause == cause);
-        let missing = self.hidden.iter().filter(|(cause, _)| !is_candidate(cause));
-        rows.extend(missing.map(|(cause, _)| row(cause)));
+        let missing = self.hidden.iter().filter(|effect| !is_candidate(&effect.cause));
+        rows.extend(missing.map(|effect| row(&effect.cause)));
         let candidate = |fitted: &Figures| EvidenceRow {
             follows: fitted.key.follows(),
             is_candidate: true,
             confusable_with: fitted.confusable_with.iter().map(|key| key.cause.into()).collect(),
-            plain: [fitted.inclusion, fitted.materiality()],
+            inclusion: fitted.inclusion,
+            materiality: fitted.materiality(),
             figures: figures(outcome, fitted),
             ..row(fitted.key.cause)
         };
@@ -183,7 +201,7 @@ impl KnownLog {
 
     /// Returns a row of a cause without evidence.
     fn row(&self, cause: &str) -> EvidenceRow {
-        let hidden = self.hidden.iter().find(|(listed, _)| listed == cause);
+        let hidden = self.hidden.iter().find(|effect| effect.cause == cause);
         let is_listed = |list: &[String]| list.iter().any(|listed| listed == cause);
         let is_real = hidden.is_some() || is_listed(&self.of_log);
         let truth = match (is_real, self.is_measured && !is_listed(&self.never)) {
@@ -200,11 +218,12 @@ impl KnownLog {
             follows: String::new(),
             truth,
             is_of_log: !self.is_measured && is_listed(&self.of_log),
-            is_detectable: hidden.is_some_and(|(_, is_detectable)| *is_detectable),
+            is_detectable: hidden.is_some_and(|effect| effect.is_detectable),
             is_candidate: false,
             confusable_with: Vec::new(),
             law: String::new(),
-            plain: [0.0; 2],
+            inclusion: 0.0,
+            materiality: 0.0,
             floors: 0.0,
             rmse: [0.0; 2],
             figures: vec![0.0; FIGURES.len()],
@@ -222,34 +241,52 @@ fn machine(name: &str) -> String {
     }
 }
 
-fn json(path: &Path) -> Result<Value, String> {
-    let failed = |why: String| format!("{}: {why}", path.display());
-    let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
-    serde_json::from_str(&text).map_err(|e| failed(e.to_string()))
-}
-
-fn strings(value: &Value) -> Vec<String> {
-    let list = value.as_array().into_iter().flatten();
-    list.filter_map(Value::as_str).map(str::to_owned).collect()
-}
-
-fn rigid_body(parts: &[String]) -> Result<RigidBody, String> {
-    let mut rigid_body = RigidBody::default();
-    for part in parts.iter().filter(|part| !part.is_empty()) {
-        match part.as_str() {
-            "inertia" => rigid_body.inertia = true,
-            "gravity" => rigid_body.gravity = true,
-            "load" => rigid_body.load = true,
-            "offset" => rigid_body.offset = true,
-            _ => return Err(format!("unknown rigid-body part {part}")),
-        }
-    }
-    Ok(rigid_body)
+/// Reads a file of JSON.
+///
+/// # Errors
+/// Returns an error with the path if the file cannot be read, is not JSON, or lacks a key.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, GradingError> {
+    let text = std::fs::read_to_string(path).map_err(GradingError::io(path))?;
+    serde_json::from_str(&text).map_err(|error| GradingError::Json { path: path.to_owned(), error })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn folder_with(name: &str, text: &str) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join(name), text).expect("a file");
+        folder
+    }
+
+    #[test]
+    fn worlds_with_a_truth_that_lacks_what_is_hidden_returns_error() {
+        let folder = folder_with(
+            "a.json",
+            r#"{"plant": "bristles", "rigid_body": [], "true_of_the_log": []}"#,
+        );
+        let error = worlds(folder.path()).expect_err("no key").to_string();
+        assert!(error.contains("a.json: missing field `hidden`"), "{error}");
+    }
+
+    #[test]
+    fn measured_with_a_column_that_is_no_pair_returns_error() {
+        let answer = r#"{"accept": [], "never": [], "args": ["--columns", "torque_nm"]}"#;
+        let folder = folder_with("answers.json", &format!(r#"{{"a.csv": {answer}}}"#));
+        let error = measured(folder.path()).expect_err("no pair").to_string();
+        assert_eq!(error, r#"a.csv: --columns: found "torque_nm", expected a=b,c=d"#);
+    }
+
+    #[test]
+    fn evidence_of_a_log_that_the_product_refuses_returns_error() {
+        let rows: String =
+            (0..400).map(|row| format!("{},{},1.0\n", 0.01 * f64::from(row), row % 7)).collect();
+        let folder = folder_with("a.csv", &format!("time_s,velocity_rad_s,torque_nm\n{rows}"));
+        let log = KnownLog::new(folder.path().join("a.csv"), true);
+        let error = log.evidence().expect_err("a constant torque").to_string();
+        assert!(error.starts_with("a: ") && error.contains("torque_nm"), "{error}");
+    }
 
     #[test]
     fn machine_of_logs_of_one_machine_is_the_same() {

@@ -36,10 +36,19 @@ pub struct Verdicts {
 pub struct Grades {
     /// By origin and by what is hidden.
     pub groups: BTreeMap<(String, &'static str), Verdicts>,
-    /// Detectable effects of simulated logs by cause, and how many were named.
-    pub causes: BTreeMap<String, (usize, usize)>,
-    /// Causes that were named first and wrongly, with the log and its hidden cause.
-    pub wrong: Vec<(String, String, String)>,
+    /// Effects of simulated logs by cause.
+    pub causes: BTreeMap<String, Effects>,
+    /// How often each cause was named first and wrongly.
+    pub wrong: BTreeMap<String, usize>,
+}
+
+/// Counts of the effects of a cause.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Effects {
+    /// Those that are detectable.
+    pub detectable: usize,
+    /// Those of them that were named.
+    pub found: usize,
 }
 
 impl Grades {
@@ -86,13 +95,7 @@ impl Grades {
             Some(first) if is_real(first) => group.right += 1,
             Some(first) => {
                 group.wrong += 1;
-                let hidden: Vec<&str> = log_rows
-                    .iter()
-                    .map(|at| &rows[*at])
-                    .filter(|row| row.truth == Truth::Real && !row.is_of_log)
-                    .map(|row| row.cause.as_str())
-                    .collect();
-                self.wrong.push((first.cause.clone(), log.log.clone(), hidden.join("+")));
+                *self.wrong.entry(first.cause.clone()).or_default() += 1;
             }
             None if kind == "not detectable" || (kind == "clean" && !is_open) => group.right += 1,
             None => group.abstained += 1,
@@ -105,7 +108,8 @@ impl Grades {
             group.effects += 1;
             group.found += found;
             let counts = self.causes.entry(effect.cause.clone()).or_default();
-            *counts = (counts.0 + 1, counts.1 + found);
+            counts.detectable += 1;
+            counts.found += found;
         }
     }
 
@@ -143,15 +147,11 @@ impl Grades {
             line("all", kind, &self.sum(|_, log_kind| log_kind == kind));
         }
         text += "\n| cause | detectable | found |\n|---|---|---|\n";
-        for (cause, (all, found)) in &self.causes {
-            let _ = writeln!(text, "| {cause} | {all} | {found} |");
-        }
-        let mut wrong: BTreeMap<&str, usize> = BTreeMap::new();
-        for (cause, ..) in &self.wrong {
-            *wrong.entry(cause).or_default() += 1;
+        for (cause, Effects { detectable, found }) in &self.causes {
+            let _ = writeln!(text, "| {cause} | {detectable} | {found} |");
         }
         let words: Vec<String> =
-            wrong.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
+            self.wrong.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
         text + "\nwrong first names: " + &words.join(", ") + "\n"
     }
 }
@@ -175,7 +175,8 @@ mod tests {
             is_candidate: true,
             confusable_with: Vec::new(),
             law: String::new(),
-            plain: [0.0; 2],
+            inclusion: 0.0,
+            materiality: 0.0,
             floors: 1.0,
             rmse: [0.0; 2],
             figures: vec![0.0; FIGURES.len()],

@@ -2,6 +2,7 @@
 //!
 //! A log without candidates, and a hidden effect that is no candidate, have rows too, so that every log and effect is counted.
 
+use crate::GradingError;
 use crate::calibration_fit::Case;
 use friction_diagnose::contest_calibration::FIGURES;
 
@@ -58,8 +59,10 @@ pub struct EvidenceRow {
     pub confusable_with: Vec<String>,
     /// Law and correction of the best hypothesis.
     pub law: String,
-    /// Inclusion and materiality, for a rule without a calibration.
-    pub plain: [f64; 2],
+    /// Inclusion, for a rule without a calibration.
+    pub inclusion: f64,
+    /// Materiality, likewise.
+    pub materiality: f64,
     /// Remaining error in noise floors.
     pub floors: f64,
     /// Remaining error of the best law without a cause, and of the best hypothesis, in the unit of the log.
@@ -108,7 +111,8 @@ pub fn emit(rows: &[EvidenceRow]) -> String {
             row.confusable_with.join("+"),
             row.law.clone(),
         ];
-        let numbers = row.plain.iter().chain([&row.floors]).chain(&row.rmse).chain(&row.figures);
+        let plain = [row.inclusion, row.materiality, row.floors];
+        let numbers = plain.iter().chain(&row.rmse).chain(&row.figures);
         cells.extend(numbers.map(|value| format!("{value:.5}")));
         text += &(cells.join("\t") + "\n");
     }
@@ -118,17 +122,20 @@ pub fn emit(rows: &[EvidenceRow]) -> String {
 /// Parses a table.
 ///
 /// # Errors
-/// Returns one line if the head differs from this version's figures, or a row is invalid.
-pub fn parse(text: &str) -> Result<Vec<EvidenceRow>, String> {
+/// Returns an error if the head differs from this version's figures, or a row is invalid.
+pub fn parse(text: &str) -> Result<Vec<EvidenceRow>, GradingError> {
     let mut lines = text.lines();
     let head: Vec<&str> = lines.next().unwrap_or_default().split('\t').collect();
     let expected: Vec<&str> =
         HEAD.into_iter().chain(FIGURES.iter().map(|figure| figure.name)).collect();
     if head != expected {
-        return Err("the columns are not those of this version: collect the evidence again".into());
+        return Err(GradingError::OtherEvidence);
     }
     let row = |(at, line): (usize, &str)| {
-        parse_row(line).ok_or_else(|| format!("line {}: expected {} cells", at + 2, expected.len()))
+        parse_row(line).ok_or_else(|| GradingError::Line {
+            line: at + 2,
+            expected: format!("{} cells of a row", expected.len()),
+        })
     };
     lines.enumerate().map(row).collect()
 }
@@ -141,24 +148,36 @@ fn parse_row(line: &str) -> Option<EvidenceRow> {
         return None;
     };
     let confusable = words[10].split('+').filter(|name| !name.is_empty());
-    (figures.len() == FIGURES.len()).then(|| EvidenceRow {
+    if figures.len() != FIGURES.len() {
+        return None;
+    }
+    Some(EvidenceRow {
         log: words[0].into(),
         origin: words[1].into(),
-        is_measured: words[2] == "1",
-        hidden: words[3].parse().unwrap_or_default(),
+        is_measured: parse_flag(words[2])?,
+        hidden: words[3].parse().ok()?,
         cause: words[4].into(),
         follows: words[5].into(),
-        truth: Truth::parse(words[6]).unwrap_or(Truth::Unknown),
-        is_of_log: words[7] == "1",
-        is_detectable: words[8] == "1",
-        is_candidate: words[9] == "1",
+        truth: Truth::parse(words[6])?,
+        is_of_log: parse_flag(words[7])?,
+        is_detectable: parse_flag(words[8])?,
+        is_candidate: parse_flag(words[9])?,
         confusable_with: confusable.map(str::to_owned).collect(),
         law: words[11].into(),
-        plain: [*inclusion, *materiality],
+        inclusion: *inclusion,
+        materiality: *materiality,
         floors: *floors,
         rmse: [*base, *rmse],
         figures: figures.to_vec(),
     })
+}
+
+fn parse_flag(text: &str) -> Option<bool> {
+    match text {
+        "0" => Some(false),
+        "1" => Some(true),
+        _ => None,
+    }
 }
 
 /// Weight of a candidate of a measured log that is not among its known causes.
@@ -201,7 +220,8 @@ mod tests {
             is_candidate: true,
             confusable_with: vec!["unmodelled-inertia".into(), "channel-delay".into()],
             law: "lugre, none".into(),
-            plain: [0.5, 0.25],
+            inclusion: 0.5,
+            materiality: 0.25,
             floors: 1.5,
             rmse: [0.25, 0.125],
             figures: (0..FIGURES.len()).map(|at| 0.5 * at as f64).collect(),
@@ -215,6 +235,11 @@ mod tests {
         let rows = [row, measured];
         assert_eq!(parse(&emit(&rows)).unwrap(), rows);
         assert!(parse("log\torigin\n").is_err());
+        for (right, wrong) in [("\t1\tbacklash", "\tx\tbacklash"), ("\t-\t", "\t?\t")] {
+            let text = emit(&rows).replace(right, wrong);
+            let error = parse(&text).expect_err(wrong).to_string();
+            assert!(error.starts_with("line "), "{error}");
+        }
         assert_eq!(rows[1].case(1.0, 0).unwrap().weight, UNKNOWN_WEIGHT);
     }
 }

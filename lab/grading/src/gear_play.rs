@@ -2,6 +2,7 @@
 //!
 //! A joint has play, or another error of its difference of positions that is large ([`GearFault`]). Half of the joints have play.
 
+use crate::GradingError;
 use friction_diagnose::two_positions::{Calibration, FIGURES, TwoPositions};
 use joint_log::Dataset;
 use joint_log::log_check::{self, Corrections};
@@ -21,18 +22,24 @@ pub struct PlayCase {
 }
 
 /// Returns the log of a joint, read and corrected as a measured one.
-pub fn log(joint: &TwoSidedJoint, seed: u64) -> log_check::CheckedLog {
+///
+/// # Errors
+/// Returns an error if the columns are no log.
+pub fn log(joint: &TwoSidedJoint, seed: u64) -> Result<log_check::CheckedLog, GradingError> {
     let names: Vec<String> = joint.columns().into_iter().map(str::to_owned).collect();
     let runs = joint.record(seed).into_iter().map(|mut run| {
         run.columns.truncate(names.len());
         (run.name, run.columns)
     });
-    let data = Dataset::from_columns(&names, runs).unwrap_or_default();
-    log_check::check(data, Corrections::default())
+    let data = Dataset::from_columns(&names, runs)?;
+    Ok(log_check::check(data, Corrections::default()))
 }
 
 /// Draws joints and evaluates them: as many with play as with all other faults together.
-pub fn cases(first_seed: u64, joints: usize) -> Vec<PlayCase> {
+///
+/// # Errors
+/// As [`log`].
+pub fn cases(first_seed: u64, joints: usize) -> Result<Vec<PlayCase>, GradingError> {
     let others = GearFault::ALL.len() - 1;
     let drawn = (0..joints).map(|at| {
         let fault = if at % 2 == 0 { GearFault::Play } else { GearFault::ALL[1 + at / 2 % others] };
@@ -41,8 +48,8 @@ pub fn cases(first_seed: u64, joints: usize) -> Vec<PlayCase> {
     let drawn: Vec<(GearFault, u64)> = drawn.collect();
     let case = |(fault, seed): &(GearFault, u64)| {
         let joint = draw(*fault, *seed);
-        let found = TwoPositions::of(&log(&joint, *seed).data).and_then(Result::ok);
-        PlayCase { fault: *fault, seed: *seed, joint, found }
+        let found = TwoPositions::of(&log(&joint, *seed)?.data).and_then(Result::ok);
+        Ok(PlayCase { fault: *fault, seed: *seed, joint, found })
     };
     drawn.par_iter().map(case).collect()
 }

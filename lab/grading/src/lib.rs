@@ -12,6 +12,7 @@ pub mod contest;
 pub mod contest_figures;
 pub mod contest_logs;
 pub mod contest_verdicts;
+mod error;
 pub mod evidence_table;
 pub mod gear_play;
 pub mod measured;
@@ -26,8 +27,10 @@ pub mod transfer_log;
 pub mod transfer_product;
 pub mod transfer_rivals;
 
+pub use error::{GradingError, end};
+
 use friction_diagnose::{Diagnosis, DiagnosisOptions, Finding, diagnose};
-use joint_log::log_check::{self, Corrections};
+use joint_log::log_check::{self, CheckedLog, Corrections};
 use joint_log::{Dataset, Split, SplitRule, split};
 use joint_rig::simulated;
 use rayon::prelude::*;
@@ -55,10 +58,8 @@ pub struct Grade {
     pub confusable: Vec<&'static str>,
     /// The first cause is right (see [`grade`]).
     pub right: bool,
-    /// The true size lies in the interval; `None` unless one cause was hidden and named first.
-    pub size_inside: Option<bool>,
-    /// True size, estimated size, and its interval.
-    pub sizes: Option<(f64, f64, [f64; 2])>,
+    /// The sizes; `None` unless one cause was hidden and named first.
+    pub sizes: Option<Sizes>,
     /// Reduction of the held-out error.
     pub gain: f64,
     /// Held-out RMSE of the extended model over the sensor's noise.
@@ -71,6 +72,24 @@ pub struct Grade {
     pub rows: usize,
     /// Best candidates, one line.
     pub candidates: String,
+}
+
+/// Sizes of an effect, in the unit of its cause.
+#[derive(Clone, Copy, Debug)]
+pub struct Sizes {
+    /// The hidden size.
+    pub hidden: f64,
+    /// The estimated size.
+    pub estimated: f64,
+    /// Interval of the estimate.
+    pub ci95: [f64; 2],
+}
+
+impl Sizes {
+    /// Returns true if the hidden size lies in the interval.
+    pub fn is_inside(&self) -> bool {
+        (self.ci95[0]..=self.ci95[1]).contains(&self.hidden)
+    }
 }
 
 /// Grades a diagnosis.
@@ -112,7 +131,8 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
     let only = matches!(kind, Kind::One(_) | Kind::Decoy) && is_first_true;
     let sizes = first.filter(|_| only).and_then(|finding| {
         let hidden = truth.hidden.first()?;
-        Some((hidden.size, finding.size.value, finding.size.ci95()))
+        let (estimated, ci95) = (finding.size.value, finding.size.ci95());
+        Some(Sizes { hidden: hidden.size, estimated, ci95 })
     });
     let candidates = contest::format_candidates(found);
     Grade {
@@ -122,7 +142,6 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
         named,
         confusable,
         right,
-        size_inside: sizes.map(|(size, _, [low, high])| (low..=high).contains(&size)),
         sizes,
         gain: found.gain.value,
         error_over_noise: found.after.metrics.rmse / truth.noise_nm,
@@ -136,27 +155,32 @@ pub fn grade(kind: Kind, seed: u64, scenario: &Scenario, found: &Diagnosis) -> G
 /// Diagnoses a log as the command does: the log is checked, its motion reconstructed, and every run left out once.
 ///
 /// # Errors
-/// Returns one line if the log cannot be split or diagnosed.
+/// Returns an error if the command would refuse the log, or it cannot be split or diagnosed.
 pub fn diagnose_log(
     data: Dataset,
     question: &DiagnosisOptions,
-) -> Result<(Diagnosis, Split), String> {
-    let checked = log_check::check(data, Corrections::default());
-    let parts = split(&checked.data, &SplitRule::LeaveOneRunOut, 0).map_err(|e| e.to_string())?;
-    let question = DiagnosisOptions { log_findings: checked.findings, ..question.clone() };
-    let found = diagnose(&checked.data, &parts, &question, &|_| {}).map_err(|e| e.to_string())?;
+) -> Result<(Diagnosis, Split), GradingError> {
+    log_check::refuse(&data)?;
+    let CheckedLog { data, findings, suspicion, .. } =
+        log_check::check(data, Corrections::default());
+    if let Some(suspicion) = suspicion {
+        return Err(suspicion.error(&data).into());
+    }
+    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0)?;
+    let question = DiagnosisOptions { log_findings: findings, ..question.clone() };
+    let found = diagnose(&data, &parts, &question, &|_| {})?;
     Ok((found, parts))
 }
 
 /// Draws a scenario and grades its diagnosis.
 ///
 /// # Errors
-/// Returns one line if the log cannot be split or diagnosed, because such a scenario must not be dropped from the count.
-pub fn grade_scenario(kind: Kind, seed: u64) -> Result<Grade, String> {
-    let failed = |why: String| format!("{kind:?}, seed {seed}: {why}");
+/// Returns an error if the log cannot be diagnosed, because such a scenario must not be dropped from the count.
+pub fn grade_scenario(kind: Kind, seed: u64) -> Result<Grade, GradingError> {
     let scenario = draw(kind, seed);
     let data = simulated::dataset(&scenario.log);
-    let (found, _) = diagnose_log(data, &DiagnosisOptions::default()).map_err(failed)?;
+    let (found, _) = diagnose_log(data, &DiagnosisOptions::default())
+        .map_err(|error| error.of(format!("{kind:?}, seed {seed}")))?;
     Ok(grade(kind, seed, &scenario, &found))
 }
 
@@ -164,7 +188,7 @@ pub fn grade_scenario(kind: Kind, seed: u64) -> Result<Grade, String> {
 ///
 /// # Errors
 /// As [`grade_scenario`], for the first scenario that fails.
-pub fn grade_benchmark(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, String> {
+pub fn grade_benchmark(seed_base: u64, per_kind: usize) -> Result<Vec<Grade>, GradingError> {
     let scenarios: Vec<(Kind, u64)> = benchmark(seed_base, per_kind).collect();
     scenarios.into_par_iter().map(|(kind, seed)| grade_scenario(kind, seed)).collect()
 }

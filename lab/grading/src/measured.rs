@@ -3,12 +3,14 @@
 //! `tests/data` has excerpts of the logs; `measured_logs` finds them and the full files, whose README states what is known of
 //! each, and by whom. A log can contain several effects, and each of them may be named first.
 
+use super::GradingError;
 use super::contest::{self, time_on_one_thread};
 use super::diagnose_log;
 use super::regression::regress;
+use compensator_core::TermKind;
 use friction_diagnose::DiagnosisOptions;
-use friction_fit::spec::parse_rigid_body;
-use joint_log::{Dataset, ReadOptions, read};
+use friction_diagnose::prepare::PrepareOptions;
+use joint_log::{Dataset, ReadOptions, SplitRule, read};
 use measured_logs::MeasuredLogs;
 
 /// A log with its reading options and known causes.
@@ -17,7 +19,7 @@ pub struct MeasuredLog {
     /// File name.
     pub file: &'static str,
     columns: &'static [(&'static str, &'static str)],
-    rigid_body: &'static str,
+    rigid_body: &'static [TermKind],
     /// First rows that are skipped and decimation, for the full file. The excerpt has been decimated so.
     skip: usize,
     decimate: usize,
@@ -26,7 +28,7 @@ pub struct MeasuredLog {
 }
 
 const LOG: MeasuredLog =
-    MeasuredLog { file: "", columns: &[], rigid_body: "", skip: 0, decimate: 1, known: &[] };
+    MeasuredLog { file: "", columns: &[], rigid_body: &[], skip: 0, decimate: 1, known: &[] };
 
 const EMPS: MeasuredLog = MeasuredLog {
     columns: &[
@@ -36,14 +38,17 @@ const EMPS: MeasuredLog = MeasuredLog {
         ("velocity_m_s", "vel_m_per_s"),
         ("acceleration_m_s2", "acc_m_per_s2"),
     ],
-    rigid_body: "inertia,offset",
+    rigid_body: &[TermKind::UnmodelledInertia, TermKind::TorqueOffset],
     skip: 49,
     decimate: 10,
     known: &["direction-asymmetry"],
     ..LOG
 };
 
-const ROBOT_AXIS: MeasuredLog = MeasuredLog { rigid_body: "inertia,load,offset", ..LOG };
+const ROBOT_AXIS: MeasuredLog = MeasuredLog {
+    rigid_body: &[TermKind::UnmodelledInertia, TermKind::LoadGain, TermKind::TorqueOffset],
+    ..LOG
+};
 
 /// Ripples that scale the friction level or add to it; only for the cogging motor it is known which.
 const RIPPLE_CAUSES: &[&str] = &["torque-ripple", "position-ripple"];
@@ -58,19 +63,19 @@ pub const MEASURED_LOGS: &[MeasuredLog] = &[
     MeasuredLog {
         file: "servo-pendulum.csv",
         columns: &[("torque_nm", "drive_voltage_v")],
-        rigid_body: "load,offset",
+        rigid_body: &[TermKind::LoadGain, TermKind::TorqueOffset],
         known: &["load-torque-coulomb"],
         ..LOG
     },
     MeasuredLog {
         file: "bldc-cogging.csv",
-        rigid_body: "inertia,offset",
+        rigid_body: &[TermKind::UnmodelledInertia, TermKind::TorqueOffset],
         known: &["torque-ripple"],
         ..LOG
     },
     MeasuredLog {
         file: "screw-antibacklash.csv",
-        rigid_body: "offset",
+        rigid_body: &[TermKind::TorqueOffset],
         known: RIPPLE_CAUSES,
         ..LOG
     },
@@ -103,23 +108,34 @@ pub struct MeasuredAnswer {
     pub candidates: String,
 }
 
+/// Both answers for a measured log.
+#[derive(Clone, Debug)]
+pub struct MeasuredContest {
+    /// Rows of the log.
+    pub rows: usize,
+    /// Answer of the diagnosis, if it was run.
+    pub ours: Option<MeasuredAnswer>,
+    /// Answer of the regression.
+    pub rival: MeasuredAnswer,
+}
+
 impl MeasuredLog {
     /// Returns true if the first cause is a known one.
     pub fn is_right(&self, first: &str) -> bool {
         if self.known.is_empty() { first != "none" } else { self.known.contains(&first) }
     }
 
-    /// Returns the arguments of the command line with which the log is read.
-    pub fn arguments(&self) -> Vec<String> {
-        let pairs = self.columns.iter().map(|(ours, theirs)| format!("{ours}={theirs}"));
-        let columns = pairs.collect::<Vec<String>>().join(",");
-        let all = [
-            ("--columns", columns),
-            ("--rigid-body", self.rigid_body.into()),
-            ("--skip", self.skip.to_string()),
-            ("--decimate", self.decimate.to_string()),
-        ];
-        all.into_iter().flat_map(|(name, value)| [name.to_owned(), value]).collect()
+    /// Returns how the full file is read and prepared.
+    pub fn options(&self) -> PrepareOptions {
+        let pair = |(ours, theirs): &(&str, &str)| ((*ours).to_owned(), (*theirs).to_owned());
+        let columns = self.columns.iter().map(pair).collect();
+        PrepareOptions {
+            read: ReadOptions { columns, skip: self.skip, ..ReadOptions::default() },
+            rigid_body: self.rigid_body.to_vec(),
+            decimate: self.decimate,
+            split: SplitRule::LeaveOneRunOut,
+            ..PrepareOptions::default()
+        }
     }
 
     /// Returns the known causes for a table.
@@ -130,39 +146,40 @@ impl MeasuredLog {
     /// Reads the log with its options for the diagnosis; `None` if the file does not exist.
     ///
     /// # Errors
-    /// Returns one line if the log cannot be read.
-    pub fn read(&self, logs: &MeasuredLogs) -> Result<Option<(Dataset, DiagnosisOptions)>, String> {
+    /// Returns an error if the log cannot be read.
+    pub fn read(
+        &self,
+        logs: &MeasuredLogs,
+    ) -> Result<Option<(Dataset, DiagnosisOptions)>, GradingError> {
         let path = logs.file(self.file);
         if !path.is_file() {
             return Ok(None);
         }
-        let failed = |why: String| format!("{}: {why}", self.file);
-        let pair = |(ours, theirs): &(&str, &str)| ((*ours).to_owned(), (*theirs).to_owned());
-        let (skip, decimate) = if logs.is_full() { (self.skip, self.decimate) } else { (0, 1) };
-        let options = ReadOptions {
-            columns: self.columns.iter().map(pair).collect(),
-            skip,
-            ..ReadOptions::default()
-        };
-        let data = read(&[path], &options, &|_, _| {}).map_err(|e| failed(e.to_string()))?;
-        let rigid_body = parse_rigid_body(self.rigid_body).map_err(|e| failed(e.to_string()))?;
+        let mut options = self.options();
+        if !logs.is_full() {
+            (options.read.skip, options.decimate) = (0, 1);
+        }
+        let data = read(&[path], &options.read, &|_, _| {}).map_err(|error| self.failed(error))?;
+        let PrepareOptions { decimate, rigid_body, .. } = options;
         Ok(Some((data, DiagnosisOptions { decimate, rigid_body, ..DiagnosisOptions::default() })))
     }
 
-    /// Returns the number of rows, the answer of the diagnosis unless `rival_only`, and that of the regression; `None` if the
-    /// file does not exist.
+    fn failed(&self, error: impl Into<GradingError>) -> GradingError {
+        error.into().of(self.file)
+    }
+
+    /// Runs the regression, and unless `rival_only` the diagnosis; `None` if the file does not exist.
     ///
     /// # Errors
-    /// Returns one line if the log cannot be read, split or diagnosed.
+    /// Returns an error if the log cannot be read, split or diagnosed.
     pub fn contest(
         &self,
         logs: &MeasuredLogs,
         rival_only: bool,
-    ) -> Result<Option<(usize, Option<MeasuredAnswer>, MeasuredAnswer)>, String> {
+    ) -> Result<Option<MeasuredContest>, GradingError> {
         let Some((data, question)) = self.read(logs)? else { return Ok(None) };
-        let failed = |why: String| format!("{}: {why}", self.file);
-        let parts: Vec<&str> = self.rigid_body.split(',').filter(|p| !p.is_empty()).collect();
-        let (found, seconds) = time_on_one_thread(|| regress(&data, &parts))?;
+        let rows = data.rows;
+        let (found, seconds) = time_on_one_thread(|| regress(&data, self.rigid_body))?;
         let rival = MeasuredAnswer {
             first: found.named.first().copied().unwrap_or("none"),
             named: found.named.iter().map(|name| (*name).to_owned()).collect(),
@@ -171,11 +188,10 @@ impl MeasuredLog {
             candidates: found.describe(),
         };
         if rival_only {
-            return Ok(Some((data.rows, None, rival)));
+            return Ok(Some(MeasuredContest { rows, ours: None, rival }));
         }
-        let rows = data.rows;
         let (answer, seconds) = time_on_one_thread(|| diagnose_log(data, &question))?;
-        let (found, _) = answer.map_err(failed)?;
+        let (found, _) = answer.map_err(|error| self.failed(error))?;
         let named = found.findings.iter().map(|finding| {
             let order = finding.order.map(|order| format!(" order {:.1}", order.value));
             let order = order.unwrap_or_default();
@@ -188,6 +204,6 @@ impl MeasuredLog {
             seconds,
             candidates: contest::format_candidates(&found),
         };
-        Ok(Some((rows, Some(ours), rival)))
+        Ok(Some(MeasuredContest { rows, ours: Some(ours), rival }))
     }
 }

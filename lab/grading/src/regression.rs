@@ -13,6 +13,7 @@
 
 use super::cause_regressors::cause_regressors;
 use super::regressors::{BaseModel, LongData, Regressor, base_model};
+use compensator_core::TermKind;
 use joint_log::Dataset;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
@@ -133,7 +134,7 @@ fn squared_error(test: &DMatrix<f64>, train: &DMatrix<f64>, columns: &[usize]) -
 }
 
 /// Returns the base with the smallest error on its fitted rows.
-fn best_base(rows: &LongData, rigid_body: &[&str]) -> BaseModel {
+fn best_base(rows: &LongData, rigid_body: &[TermKind]) -> BaseModel {
     let whole = 0..rows.velocity.len();
     let mut best: Option<(f64, BaseModel)> = None;
     for travel in TRAVELS {
@@ -175,7 +176,7 @@ struct CandidateCause {
 }
 
 /// Names the causes in a log; `rigid_body` lists the parts of the torque column that are not friction.
-pub fn regress(data: &Dataset, rigid_body: &[&str]) -> Regression {
+pub fn regress(data: &Dataset, rigid_body: &[TermKind]) -> Regression {
     let rows = LongData::new(data);
     let base = best_base(&rows, rigid_body);
     let causes = cause_regressors(&rows, &base, rigid_body);

@@ -1,6 +1,7 @@
 //! Regressors of the reference regression: the data in long columns, and the base model on them.
 
 use super::stop_operator::{displacements, stop};
+use compensator_core::TermKind;
 use joint_log::{Dataset, Quantity, Run};
 use std::ops::Range;
 
@@ -108,7 +109,7 @@ pub(super) struct BaseModel {
 /// Builds the base for a travel and a Stribeck velocity; no Stribeck term if `peak` is 0.
 pub(super) fn base_model(
     rows: &LongData,
-    rigid_body: &[&str],
+    rigid_body: &[TermKind],
     travel: f64,
     peak: f64,
 ) -> BaseModel {
@@ -118,16 +119,18 @@ pub(super) fn base_model(
         regressors.push(rows.map(|at| sign[at] * (-(rows.velocity[at] / peak).powi(2)).exp()));
     }
     for part in rigid_body {
-        match *part {
-            "inertia" => regressors.push(rows.acceleration()),
-            "gravity" => {
+        match part {
+            TermKind::UnmodelledInertia => regressors.push(rows.acceleration()),
+            TermKind::GravityImbalance => {
                 if let Some(angle) = rows.quantity(Quantity::Position) {
                     regressors.push(angle.iter().map(|q| q.sin()).collect());
                     regressors.push(angle.iter().map(|q| q.cos()).collect());
                 }
             }
-            "load" => regressors.extend(rows.quantity(Quantity::LoadTorque)),
-            _ => regressors.push(vec![1.0; rows.velocity.len()]),
+            TermKind::LoadGain => regressors.extend(rows.quantity(Quantity::LoadTorque)),
+            TermKind::TorqueOffset => regressors.push(vec![1.0; rows.velocity.len()]),
+            // A delay is not linear; no other term is a part of the rigid body.
+            _ => {}
         }
     }
     let description = format!(

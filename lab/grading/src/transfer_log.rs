@@ -3,6 +3,7 @@
 //! The table is kept as it lies in the file, so that the parts can be written as logs of their own, which a program reads as any
 //! other log. Every third run is the test; of fewer than three runs it is the last 30 % of the rows.
 
+use crate::GradingError;
 use crate::statistics::quantile;
 use joint_log::{Cells, Table, parquet_table};
 use std::path::Path;
@@ -15,6 +16,15 @@ const TRAINING_SHARE: f64 = 0.7;
 
 /// Share of the 95th percentile of the speed above which a row is moving.
 const MOVING_SHARE: f64 = 0.01;
+
+/// A part of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The rows that a model gets.
+    Training,
+    /// The rows that judge it.
+    Test,
+}
 
 /// A log with its parts. Rows of a run follow each other.
 #[derive(Clone, Debug)]
@@ -42,19 +52,18 @@ impl TransferLog {
     /// Reads a CSV or Parquet file. `renamed` maps names of this project to those of the file.
     ///
     /// # Errors
-    /// Returns one line if the file cannot be read or lacks time, velocity or torque.
-    pub fn read(path: &Path, renamed: &[(String, String)]) -> Result<Self, String> {
-        let failed = |why: String| format!("{}: {why}", path.display());
+    /// Returns an error if the file cannot be read or lacks time, velocity or torque.
+    pub fn read(path: &Path, renamed: &[(String, String)]) -> Result<Self, GradingError> {
         let table = if path.extension().is_some_and(|end| end == "parquet") {
-            parquet_table(path).map_err(|e| e.to_string())?
+            parquet_table(path)?
         } else {
-            csv_table(&std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?)
+            csv_table(&std::fs::read_to_string(path).map_err(GradingError::io(path))?)
         };
-        Self::new(table, renamed).map_err(failed)
+        Self::new(table, renamed).map_err(|error| error.of(path.display().to_string()))
     }
 
     /// Parts the rows of a table.
-    fn new(table: Table, renamed: &[(String, String)]) -> Result<Self, String> {
+    fn new(table: Table, renamed: &[(String, String)]) -> Result<Self, GradingError> {
         let renamed_to = |name: &String| {
             let pair = renamed.iter().find(|(_, theirs)| theirs == name);
             pair.map_or(name, |(ours, _)| ours).clone()
@@ -86,7 +95,7 @@ impl TransferLog {
         let mut log =
             Self { table, names, order, run, is_test, speed: 0.0, time, velocity, torque };
         let column = |start: &[&str]| {
-            log.starting(start).ok_or_else(|| format!("no column {}", start.join(" or ")))
+            log.starting(start).ok_or_else(|| GradingError::NoColumn(start.join(" or ")))
         };
         (log.time, log.velocity, log.torque) =
             (column(&["time_s"])?, column(&["velocity"])?, column(&["torque_nm", "force_n"])?);
@@ -150,15 +159,16 @@ impl TransferLog {
     /// Writes the test or the training rows as CSV, with the names of the file.
     ///
     /// # Errors
-    /// Returns one line if the file cannot be written.
-    pub fn write(&self, path: &Path, is_test: bool) -> Result<(), String> {
+    /// Returns an error if the file cannot be written.
+    pub fn write(&self, path: &Path, part: Part) -> Result<(), GradingError> {
+        let is_test = part == Part::Test;
         let names: Vec<&str> = self.table.columns.iter().map(|(name, _)| name.as_str()).collect();
         let mut text = names.join(",") + "\n";
         for row in (0..self.order.len()).filter(|row| self.is_test[*row] == is_test) {
             let cells = self.table.columns.iter().map(|(_, cells)| cells.text_of(self.order[row]));
             text += &(cells.collect::<Vec<String>>().join(",") + "\n");
         }
-        std::fs::write(path, text).map_err(|e| format!("{}: {e}", path.display()))
+        std::fs::write(path, text).map_err(GradingError::io(path))
     }
 
     /// Returns the root of the mean squared error of predictions for some rows.

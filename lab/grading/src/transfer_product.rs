@@ -1,8 +1,10 @@
 //! What the product hands over: `diagnose` gets the training rows as a file, `predict` its parameters and the test rows.
 
-use crate::transfer_log::TransferLog;
+use crate::GradingError;
+use crate::contest_logs::read_json;
+use crate::transfer_log::{Part, TransferLog};
 use joint_log::{Cells, Table, parquet_table};
-use serde_json::Value;
+use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -42,6 +44,19 @@ impl Product {
     }
 }
 
+/// The keys of `diagnosis.json` that are graded.
+#[derive(Deserialize)]
+struct HandedOver {
+    findings: Vec<Finding>,
+    handed_over: String,
+}
+
+/// A finding of `diagnosis.json`.
+#[derive(Deserialize)]
+struct Finding {
+    cause: String,
+}
+
 /// A folder that is removed at the end.
 struct Folder(PathBuf);
 
@@ -55,21 +70,21 @@ impl Drop for Folder {
 /// Returns the product's predictions for the test rows of a log that it is read from with `arguments`.
 ///
 /// # Errors
-/// Returns one line if a command writes no result, or predicts less than half of the judging rows.
+/// Returns an error if a command writes no result, or predicts less than half of the judging rows.
 pub fn hand_over(
     host_sim: &Path,
     log: &TransferLog,
     arguments: &[String],
-) -> Result<Product, String> {
+) -> Result<Product, GradingError> {
     static FOLDERS: AtomicUsize = AtomicUsize::new(0);
     let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
     let folder =
         Folder(std::env::temp_dir().join(format!("transfer-{}-{number}", std::process::id())));
     let file = |name: &str| folder.0.join(name);
-    std::fs::create_dir_all(&folder.0).map_err(|e| format!("{}: {e}", folder.0.display()))?;
+    std::fs::create_dir_all(&folder.0).map_err(GradingError::io(&folder.0))?;
     let (train, test) = (file("train.csv"), file("test.csv"));
-    log.write(&train, false)?;
-    log.write(&test, true)?;
+    log.write(&train, Part::Training)?;
+    log.write(&test, Part::Test)?;
     let [params, rows] = [file("d/params.toml"), file("p.parquet")];
     let mut diagnose = Command::new(host_sim);
     diagnose.arg("diagnose").arg(train).args(arguments).arg("--out").arg(file("d"));
@@ -78,20 +93,18 @@ pub fn hand_over(
     predict.arg("predict").arg(params).arg(test).arg("--out").arg(&rows);
     predict.args(reading(arguments));
     run(predict, &rows)?;
-    let table = parquet_table(&rows).map_err(|e| e.to_string())?;
-    let diagnosis = std::fs::read_to_string(file("d/diagnosis.json")).map_err(|e| e.to_string())?;
-    let diagnosis: Value = serde_json::from_str(&diagnosis).map_err(|e| e.to_string())?;
+    let table = parquet_table(&rows)?;
+    let diagnosis: HandedOver = read_json(&file("d/diagnosis.json"))?;
     let predicted = align(log, &table)?;
     let judging = log.judging_rows();
     let missing = judging.iter().filter(|row| predicted[**row].is_nan()).count();
     let missing = missing as f64 / judging.len().max(1) as f64;
     if missing > MAX_MISSING {
-        return Err(format!("no prediction for {:.0} % of the rows", 100.0 * missing));
+        return Err(GradingError::FewPredictions(missing));
     }
-    let findings = diagnosis["findings"].as_array().into_iter().flatten();
-    let cause = |finding: &Value| finding["cause"].as_str().map(str::to_owned);
-    let handed_over = diagnosis["handed_over"].as_str().unwrap_or("-").to_owned();
-    Ok(Product { predicted, missing, handed_over, causes: findings.filter_map(cause).collect() })
+    let HandedOver { findings, handed_over } = diagnosis;
+    let causes = findings.into_iter().map(|finding| finding.cause).collect();
+    Ok(Product { predicted, missing, handed_over, causes })
 }
 
 /// Returns the arguments of the reading, which `predict` has too.
@@ -101,24 +114,26 @@ fn reading(arguments: &[String]) -> Vec<&String> {
 
 /// Runs a command on one thread, as the machines share the processor. Fails with the last line of its errors if it does not
 /// write `result`.
-fn run(mut command: Command, result: &Path) -> Result<(), String> {
-    let output = command.args(["--threads", "1"]).output().map_err(|e| e.to_string())?;
+fn run(mut command: Command, result: &Path) -> Result<(), GradingError> {
+    command.args(["--threads", "1"]);
+    let output = command.output().map_err(GradingError::io(command.get_program()))?;
     if result.is_file() {
         return Ok(());
     }
     let errors = String::from_utf8_lossy(&output.stderr);
-    Err(format!("no result: {}", errors.trim().lines().next_back().unwrap_or("no error")))
+    let last = errors.trim().lines().next_back().unwrap_or("no error");
+    Err(GradingError::NoResult(last.to_owned()))
 }
 
 /// Returns the prediction of each row of the log, by run and time.
-fn align(log: &TransferLog, table: &Table) -> Result<Vec<f64>, String> {
-    let column = |start: &str| {
+fn align(log: &TransferLog, table: &Table) -> Result<Vec<f64>, GradingError> {
+    let column = |start: &'static str| {
         let found = table.columns.iter().find(|(name, _)| name.starts_with(start));
-        found.map(|(_, cells)| cells).ok_or_else(|| format!("no column {start}"))
+        found.map(|(_, cells)| cells).ok_or_else(|| GradingError::NoColumn(start.to_owned()))
     };
-    let numbers = |start: &str| match column(start)? {
+    let numbers = |start: &'static str| match column(start)? {
         Cells::Numbers(numbers) => Ok(numbers),
-        _ => Err(format!("{start}: not numbers")),
+        _ => Err(GradingError::NotNumbers(start)),
     };
     let part = |time: f64| (time * TIME_PARTS).round() as i64;
     let (runs, times, values) = (column("run")?, numbers("time_s")?, numbers("predicted_")?);

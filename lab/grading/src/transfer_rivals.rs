@@ -6,6 +6,7 @@
 use crate::regression_trees::RegressionTrees;
 use crate::statistics::quantile;
 use crate::transfer_log::TransferLog;
+use compensator_core::TermKind;
 use nalgebra::{DMatrix, DVector};
 
 /// Most rows that the trees are fitted to.
@@ -20,20 +21,21 @@ const SMOOTHED_ROWS: usize = 7;
 /// Largest step of the time in an integrated velocity, in median steps.
 const MAX_STEP: f64 = 5.0;
 
-/// Returns the predictions of Coulomb and viscous friction with `parts` of the rigid body: `inertia`, `gravity`, `load`, `offset`.
-pub fn plain(log: &TransferLog, parts: &[&str]) -> Vec<f64> {
+/// Returns the predictions of Coulomb and viscous friction and an offset, with other parts of the rigid body: inertia, gravity
+/// and load.
+pub fn plain(log: &TransferLog, rigid_body: &[TermKind]) -> Vec<f64> {
     let rows = log.time.len();
     let direction = (0..rows).map(|row| log.direction(row)).collect();
     let mut columns: Vec<Vec<f64>> = vec![direction, log.velocity.clone(), vec![1.0; rows]];
-    if parts.contains(&"inertia") {
+    if rigid_body.contains(&TermKind::UnmodelledInertia) {
         columns.push(acceleration(log));
     }
-    if parts.contains(&"gravity") {
+    if rigid_body.contains(&TermKind::GravityImbalance) {
         let position = position(log);
         columns.push(position.iter().map(|q| q.sin()).collect());
         columns.push(position.iter().map(|q| q.cos()).collect());
     }
-    if parts.contains(&"load") {
+    if rigid_body.contains(&TermKind::LoadGain) {
         columns.extend(log.column("load_torque_nm"));
     }
     let training: Vec<usize> = (0..rows).filter(|row| !log.is_test[*row]).collect();
@@ -184,11 +186,12 @@ mod tests {
     fn plain_of_hand_made_log_predicts_its_torque() {
         let log = log_with(|s, v, a, q| 0.7 * s + 0.2 * v + 0.1 + 0.05 * a + 3.0 * q.sin());
         let rows = log.judging_rows();
-        let error = |parts: &[&str]| {
-            let predicted = plain(&log, parts);
+        let error = |rigid_body: &[TermKind]| {
+            let predicted = plain(&log, rigid_body);
             log.rmse(&rows, |row| predicted[row])
         };
-        assert!(error(&["inertia", "gravity"]) < 1e-9, "{}", error(&["inertia", "gravity"]));
+        let known = error(&[TermKind::UnmodelledInertia, TermKind::GravityImbalance]);
+        assert!(known < 1e-9, "{known}");
         assert!(error(&[]) > 1.0);
     }
 

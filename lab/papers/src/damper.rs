@@ -88,14 +88,14 @@ impl Paper for Damper {
         match TestCampaign::read(&request.data, FIRST_CAMPAIGN_FILE)? {
             Some(mut tests) => {
                 tests.remove_actuator_delay();
-                characterisation(request, &form, &tests, &mut outcome);
+                characterisation(request, &form, &tests, &mut outcome)?;
             }
             None => outcome.summary.push(missing_file_sentence(request, FIRST_CAMPAIGN_FILE)),
         }
         match TestCampaign::read(&request.data, SECOND_CAMPAIGN_FILE)? {
             Some(tests) => {
                 let quakes = TestCampaign::read(&request.data, EARTHQUAKES_FILE)?;
-                second_campaign(request, &form, &tests, quakes, &mut outcome);
+                second_campaign(request, &form, &tests, quakes, &mut outcome)?;
             }
             None => outcome.summary.push(missing_file_sentence(request, SECOND_CAMPAIGN_FILE)),
         }
@@ -149,7 +149,7 @@ fn characterisation(
     form: &DamperExtent,
     tests: &TestCampaign,
     outcome: &mut PaperOutcome,
-) {
+) -> Result<(), PaperError> {
     (request.progress)("LuGre fitted to each test");
     let each = LUGRE.fitted_to_each(tests);
     TABLE_2.add(outcome, tests, &each);
@@ -162,17 +162,18 @@ fn characterisation(
     }
     let training = options(request.seed, form.epochs[0], form.groups);
     for inputs in [NetworkInputs::Tension, NetworkInputs::Motion, NetworkInputs::Actuators] {
-        let score = inputs.held_out(tests, &folds, &bases, &training, request.progress);
+        let score = inputs.held_out(tests, &folds, &bases, &training, request.progress)?;
         scores.push((inputs.name(), score));
     }
     let base = LUGRE.fit(&tests.tracks);
     let (_, trained_on_all) =
-        NetworkInputs::Actuators.train_on_all(tests, &base, &training, request.progress);
+        NetworkInputs::Actuators.train_on_all(tests, &base, &training, request.progress)?;
     TABLE_3.add(outcome, tests, &trained_on_all);
     for (name, score) in &scores {
         add_held_out_rows(outcome, CHARACTERISATION, name, tests, score);
     }
     pages::characterisation(tests, &each, &trained_on_all, &scores, outcome);
+    Ok(())
 }
 
 fn second_campaign(
@@ -181,7 +182,7 @@ fn second_campaign(
     tests: &TestCampaign,
     quakes: Option<TestCampaign>,
     outcome: &mut PaperOutcome,
-) {
+) -> Result<(), PaperError> {
     let folds = tests.folds(form.folds);
     let bases = LUGRE.fits(tests, &folds, request.progress);
     let mut scores: Vec<NamedScore> = vec![(LUGRE.name, held_out(tests, &folds, &bases))];
@@ -190,7 +191,8 @@ fn second_campaign(
         scores.push((arm.name, held_out(tests, &folds, &fits)));
     }
     let training = options(request.seed, form.epochs[1], form.groups);
-    let motion = NetworkInputs::Motion.held_out(tests, &folds, &bases, &training, request.progress);
+    let motion =
+        NetworkInputs::Motion.held_out(tests, &folds, &bases, &training, request.progress)?;
     scores.push((NetworkInputs::Motion.name(), motion));
     let table = SECOND_CAMPAIGN_TABLE;
     for (name, score) in &scores {
@@ -202,17 +204,19 @@ fn second_campaign(
     pages::second_campaign(tests, &scores, outcome);
     let Some(mut quakes) = quakes else {
         outcome.summary.push(missing_file_sentence(request, EARTHQUAKES_FILE));
-        return;
+        return Ok(());
     };
     quakes.halve_sample_rate();
     let base = LUGRE.fit(&tests.tracks);
     let named = NAMED.fit(&tests.tracks);
-    let (free, _) = NetworkInputs::Motion.train_on_all(tests, &base, &training, request.progress);
+    let (free, _) =
+        NetworkInputs::Motion.train_on_all(tests, &base, &training, request.progress)?;
     let mut guarded = free.clone();
     guarded.set_stroke_range(&tests.tracks);
     let models =
         earthquakes::EvaluatedModels { named: &named, base: &base, free: &free, guarded: &guarded };
     earthquakes::evaluate(&quakes, &models, tests, outcome);
+    Ok(())
 }
 
 /// One of the paper's tables of tests, repeated.

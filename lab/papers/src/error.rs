@@ -1,13 +1,17 @@
 //! Why an experiment cannot be repeated. Each message is one line.
 
+use joint_rig::RigError;
 use std::error::Error;
 
 /// Why an experiment cannot be repeated.
 #[derive(Debug, thiserror::Error)]
 pub enum PaperError {
-    /// A log, a fit, a diagnosis, the driver or a simulated machine reports an error.
-    #[error("{0}")]
+    /// A log, a fit, a diagnosis or a simulated machine reports an error.
+    #[error(transparent)]
     Source(Box<dyn Error + Send + Sync>),
+    /// The driver rejects a set, does not arm, or does not answer.
+    #[error(transparent)]
+    Rig(#[from] RigError),
     /// An error of this joint or arm.
     #[error("{0}: {1}")]
     Of(String, Box<Self>),
@@ -17,6 +21,9 @@ pub enum PaperError {
     /// An experiment has no repeats.
     #[error("no seeds")]
     NoSeeds,
+    /// The tests lack a column that a network reads.
+    #[error("found no column {0}, an input of the network")]
+    NoCovariate(&'static str),
     /// The simulation is not among the known ones.
     #[error("no damper")]
     NoDamper,

@@ -191,7 +191,8 @@ fn run_study(request: &PaperRequest) -> Result<JointStudy, PaperError> {
     let transfers = parameter_transfer::transfer_in_all_tasks(published, ours, &joint, seeds)?;
     let round = parameter_transfer::measure_round_seal(ours, perfect, &joint)?;
     (request.progress)("harm");
-    let harm = harm::harm_map(ours, none, perfect, &Conditions { max_duration_s: harm_s, ..joint });
+    let harm =
+        harm::harm_map(ours, none, perfect, &Conditions { max_duration_s: harm_s, ..joint })?;
     (request.progress)("wear and watch");
     let wear = harm::simulate_wear(ours, &joint, wear_days, sound_days)?;
     Ok(JointStudy {

@@ -267,7 +267,7 @@ impl<W: World> Chip<W> {
         self.nvic.set_line(interrupt::ADC1_2, converts);
         self.nvic.set_line(interrupt::FDCAN1_IT0, self.can.line(0));
         self.nvic.set_line(interrupt::FDCAN1_IT1, self.can.line(1));
-        self.nvic.set_line(self.wiring.chip.clock.1, self.timer5.line());
+        self.nvic.set_line(self.wiring.chip.clock_interrupt, self.timer5.line());
         if self.flash.take_ecc_error() {
             self.nvic.pend(NMI);
         }

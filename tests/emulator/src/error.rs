@@ -1,6 +1,7 @@
 //! Why an emulated board does not start.
 
 use firmware::store::memory::MemoryError;
+use joint_rig::RigError;
 use std::path::PathBuf;
 use unicorn_engine::uc_error;
 
@@ -30,8 +31,8 @@ pub enum EmulatorError {
     #[error("emulator: {0:?}")]
     Processor(uc_error),
     /// The parameter set of the start is rejected.
-    #[error("{0}")]
-    Set(String),
+    #[error(transparent)]
+    Set(RigError),
     /// The store cannot be read.
     #[error("flash: {0:?}")]
     Store(MemoryError),

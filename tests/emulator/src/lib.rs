@@ -16,6 +16,7 @@
 
 #![cfg(feature = "unicorn")]
 
+mod board_driver;
 pub mod calls;
 pub mod chip;
 pub mod costs;
@@ -23,14 +24,13 @@ pub mod cycles;
 mod error;
 mod execution;
 pub mod image;
-mod joint;
+mod joint_world;
 pub mod machine;
 pub mod nvic;
 pub mod world;
 
+pub use board_driver::{BoardDriver, HEAT_MEMORY, kept_heat, largest_stack_bytes, store_content};
 pub use error::EmulatorError;
 pub use image::Image;
-pub use joint::{
-    BoardDriver, HEAT_MEMORY, JointWorld, kept_heat, largest_stack_bytes, store_content,
-};
+pub use joint_world::JointWorld;
 pub use machine::{Machine, StopReason};

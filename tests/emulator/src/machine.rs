@@ -187,28 +187,40 @@ impl<W: World + 'static> Machine<W> {
     }
 
     /// Reads a word of memory, not of a register.
+    ///
+    /// # Panics
+    /// Panics if the chip has no memory there.
     pub fn word(&self, address: u32) -> u32 {
         let mut bytes = [0; 4];
-        let _ = self.core.mem_read(address.into(), &mut bytes);
+        let read = self.core.mem_read(address.into(), &mut bytes);
+        read.unwrap_or_else(|error| panic!("no word at {address:#x}: {error:?}"));
         u32::from_le_bytes(bytes)
     }
 
     /// Writes memory, not registers.
+    ///
+    /// # Panics
+    /// Panics if the chip has no memory there.
     pub fn write_memory(&mut self, address: u32, bytes: &[u8]) {
-        let _ = self.core.mem_write(address.into(), bytes);
+        let written = self.core.mem_write(address.into(), bytes);
+        written.unwrap_or_else(|error| panic!("no memory at {address:#x}: {error:?}"));
     }
 
     /// Reads memory, not registers.
+    ///
+    /// # Panics
+    /// Panics if the chip has no memory there.
     pub fn read_memory(&self, address: u32, length: usize) -> Vec<u8> {
-        self.core.mem_read_as_vec(address.into(), length).unwrap_or_default()
+        let read = self.core.mem_read_as_vec(address.into(), length);
+        read.unwrap_or_else(|error| panic!("no memory at {address:#x}: {error:?}"))
     }
 
     fn set(&mut self, register: RegisterARM, value: u32) {
-        let _ = self.core.reg_write(register, value.into());
+        self.core.reg_write(register, value.into()).expect("a register of the core");
     }
 
     fn get(&self, register: RegisterARM) -> u32 {
-        self.core.reg_read(register).unwrap_or(0) as u32
+        self.core.reg_read(register).expect("a register of the core") as u32
     }
 
     /// Takes the finished handlers since the last call, if they are recorded.
@@ -490,10 +502,12 @@ impl<W: World + 'static> Machine<W> {
     }
 
     fn get_float(&self, number: u32) -> u32 {
-        self.core.reg_read(RegisterARM::S0 as i32 + number as i32).unwrap_or(0) as u32
+        let read = self.core.reg_read(RegisterARM::S0 as i32 + number as i32);
+        read.expect("a register of the FPU") as u32
     }
 
     fn set_float(&mut self, number: u32, value: u32) {
-        let _ = self.core.reg_write(RegisterARM::S0 as i32 + number as i32, value.into());
+        let written = self.core.reg_write(RegisterARM::S0 as i32 + number as i32, value.into());
+        written.expect("a register of the FPU");
     }
 }

@@ -5,7 +5,7 @@ use crate::fixtures::{
     HandMadeLog, LogRow, PERIOD_S, bristle_torque, linear_base, linear_torque, pressure_torque,
     stribeck_bristle_torque, stribeck_torque,
 };
-use compensator_core::{LawKind, ParameterId as Id};
+use compensator_core::{LawKind, ParameterId as Id, TermKind};
 use friction_fit::predict;
 use friction_fit::spec::Spec;
 

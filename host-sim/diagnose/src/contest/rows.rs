@@ -49,6 +49,17 @@ pub struct RigidBody {
 }
 
 impl RigidBody {
+    /// Returns the parts among terms of the core.
+    pub fn of(terms: &[TermKind]) -> Self {
+        let has = |term| terms.contains(&term);
+        Self {
+            inertia: has(TermKind::UnmodelledInertia),
+            gravity: has(TermKind::GravityImbalance),
+            load: has(TermKind::LoadGain),
+            offset: has(TermKind::TorqueOffset),
+        }
+    }
+
     /// Returns the parts as terms of the core.
     pub fn terms(self) -> Vec<TermKind> {
         let parts = [

@@ -24,7 +24,7 @@ fn is_findable(case: &&PlayCase) -> bool {
 
 #[test]
 fn two_positions_of_drawn_joints_show_play_and_nothing_else_as_play() {
-    let cases = cases(SEED, if is_long() { 400 } else { 60 });
+    let cases = cases(SEED, if is_long() { 400 } else { 60 }).expect("logs");
     let findable: Vec<&PlayCase> = cases.iter().filter(is_findable).collect();
     let found: Vec<f64> = findable
         .iter()
@@ -43,7 +43,7 @@ fn two_positions_of_drawn_joints_show_play_and_nothing_else_as_play() {
 }
 
 fn diagnosed(fault: GearFault, seed: u64) -> Diagnosis {
-    let checked = log(&draw(fault, seed), seed);
+    let checked = log(&draw(fault, seed), seed).expect("a log");
     let parts = split(&checked.data, &SplitRule::LeaveOneRunOut, 0).expect("runs to split");
     let question =
         DiagnosisOptions { log_findings: checked.findings, ..DiagnosisOptions::default() };

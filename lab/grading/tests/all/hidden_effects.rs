@@ -43,12 +43,15 @@ fn shares(rows: &[Grade]) -> Vec<(&'static str, usize, usize)> {
         rows.iter().filter(move |row| kinds.contains(&row.kind.name()))
     };
     let right = |row: &Grade| row.right;
-    let sized = rows.iter().filter(|row| row.size_inside.is_some());
+    let sized = rows.iter().filter(|row| row.sizes.is_some());
     let rows = [
         ("cause right first", share(of(&["one", "two", "decoy"]), right)),
         ("nothing hidden, `none`", share(of(&["none"]), right)),
         ("confounded or outside, reported as such", share(of(&["confounded", "outside"]), right)),
-        ("true size inside its 95 % interval", share(sized, |row| row.size_inside == Some(true))),
+        (
+            "true size inside its 95 % interval",
+            share(sized, |row| row.sizes.is_some_and(|sizes| sizes.is_inside())),
+        ),
         (
             "held-out error within 1.2 of the noise",
             share(rows.iter(), |row| row.error_over_noise <= 1.2),

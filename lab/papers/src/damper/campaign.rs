@@ -46,6 +46,15 @@ impl TestCampaign {
         Self { names, tracks, covariates: data.covariates.clone() }
     }
 
+    /// Returns the position of a covariate.
+    ///
+    /// # Errors
+    /// Returns the name if the tests do not have it.
+    pub fn covariate(&self, name: &'static str) -> Result<usize, PaperError> {
+        let position = self.covariates.iter().position(|covariate| covariate == name);
+        position.ok_or(PaperError::NoCovariate(name))
+    }
+
     /// Removes the delay of the actuators' channels.
     pub fn remove_actuator_delay(&mut self) {
         for track in &mut self.tracks {

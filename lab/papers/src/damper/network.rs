@@ -6,9 +6,10 @@
 //! paper's inputs. They are consequences of the friction, so the network reads part of its answer from them. Such a model
 //! estimates the force from two load cells; it does not predict it.
 
-use super::campaign::TestCampaign;
+use super::campaign::{ACTUATORS, TENSION, TestCampaign};
 use super::model::RESOLUTION;
 use super::score::CampaignScore;
+use crate::PaperError;
 use compensator_core::Parameters;
 use friction_fit::Track;
 use friction_network::{
@@ -37,31 +38,37 @@ impl NetworkInputs {
         }
     }
 
-    /// Trains a network on these tests.
+    /// Trains a network on these tracks of the tests.
     fn train(
         self,
         base: &Parameters<f64>,
+        tests: &TestCampaign,
         tracks: &[Track],
-        columns: &InputColumns,
         options: &TrainOptions,
         progress: &(dyn Fn(TrainingProgress) + Sync),
-    ) -> TrainedNetwork {
-        let InputColumns { tension, actuators } = *columns;
-        match self {
+    ) -> Result<TrainedNetwork, PaperError> {
+        let column = |name| tests.covariate(name).map(NetworkInput::Covariate);
+        Ok(match self {
             Self::Tension => {
-                TrainedNetwork::One(train_boxed(base, [tension], tracks, options, progress))
+                let inputs = [column(TENSION)?];
+                TrainedNetwork::One(train_boxed(base, inputs, tracks, options, progress))
             }
             Self::Motion => {
-                let inputs = [tension, NetworkInput::Velocity, NetworkInput::Held];
+                let inputs = [column(TENSION)?, NetworkInput::Velocity, NetworkInput::Held];
                 TrainedNetwork::Three(train_boxed(base, inputs, tracks, options, progress))
             }
             Self::Actuators => {
-                TrainedNetwork::Two(train_boxed(base, actuators, tracks, options, progress))
+                let [first, second] = ACTUATORS;
+                let inputs = [column(first)?, column(second)?];
+                TrainedNetwork::Two(train_boxed(base, inputs, tracks, options, progress))
             }
-        }
+        })
     }
 
     /// Forces of all tests, each by a network trained without it. `bases` are the laws of the folds.
+    ///
+    /// # Errors
+    /// Returns the name of an input that the tests do not have.
     pub fn held_out(
         self,
         tests: &TestCampaign,
@@ -69,61 +76,43 @@ impl NetworkInputs {
         bases: &[Parameters<f64>],
         options: &TrainOptions,
         done: &(dyn Fn(&str) + Sync),
-    ) -> CampaignScore {
-        let columns = InputColumns::of(tests);
+    ) -> Result<CampaignScore, PaperError> {
         let by_fold: Vec<Vec<(usize, Vec<f64>)>> = folds
             .par_iter()
             .zip(bases)
             .map(|(fold, base)| {
-                let network =
-                    self.train(base, &tests.tests_outside(fold), &columns, options, &|at| {
-                        report_progress(self, at, options, done);
-                    });
-                fold.iter().map(|test| (*test, network.run(&tests.tracks[*test]).torque)).collect()
+                let seen = tests.tests_outside(fold);
+                let network = self.train(base, tests, &seen, options, &|at| {
+                    report_progress(self, at, options, done);
+                })?;
+                let run = |test: &usize| (*test, network.run(&tests.tracks[*test]).torque);
+                Ok(fold.iter().map(run).collect())
             })
-            .collect();
+            .collect::<Result<_, PaperError>>()?;
         let mut force = vec![Vec::new(); tests.tracks.len()];
         for (test, simulated) in by_fold.into_iter().flatten() {
             force[test] = simulated;
         }
-        CampaignScore::of(&tests.tracks, force)
+        Ok(CampaignScore::of(&tests.tracks, force))
     }
 
     /// Trains a network on all tests, and returns it with its forces.
+    ///
+    /// # Errors
+    /// Returns the name of an input that the tests do not have.
     pub fn train_on_all(
         self,
         tests: &TestCampaign,
         base: &Parameters<f64>,
         options: &TrainOptions,
         done: &(dyn Fn(&str) + Sync),
-    ) -> (TrainedNetwork, CampaignScore) {
-        let columns = InputColumns::of(tests);
-        let network = self.train(base, &tests.tracks, &columns, options, &|at| {
+    ) -> Result<(TrainedNetwork, CampaignScore), PaperError> {
+        let network = self.train(base, tests, &tests.tracks, options, &|at| {
             report_progress(self, at, options, done);
-        });
+        })?;
         let force = tests.tracks.iter().map(|track| network.run(track).torque).collect();
         let score = CampaignScore::of(&tests.tracks, force);
-        (network, score)
-    }
-}
-
-/// Columns of the inputs.
-#[derive(Clone, Copy)]
-struct InputColumns {
-    tension: NetworkInput,
-    actuators: [NetworkInput; 2],
-}
-
-impl InputColumns {
-    fn of(tests: &TestCampaign) -> Self {
-        let of = |name: &str| {
-            let place = tests.covariates.iter().position(|covariate| covariate == name);
-            NetworkInput::Covariate(place.unwrap_or(0))
-        };
-        Self {
-            tension: of(super::campaign::TENSION),
-            actuators: super::campaign::ACTUATORS.map(of),
-        }
+        Ok((network, score))
     }
 }
 
@@ -182,5 +171,28 @@ fn report_progress(
     if at.epoch.is_multiple_of(REPORT_INTERVAL_EPOCHS) {
         let (name, epochs) = (inputs.name(), options.epochs);
         done(&format!("{name}: pass {} of {epochs}, loss {:.4}", at.epoch, at.loss));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use compensator_core::LawKind;
+
+    #[test]
+    fn train_without_a_column_of_its_inputs_returns_its_name() {
+        let tests = TestCampaign {
+            names: Vec::new(),
+            tracks: Vec::new(),
+            covariates: vec![TENSION.into(), ACTUATORS[0].into()],
+        };
+        let trained = NetworkInputs::Actuators.train_on_all(
+            &tests,
+            &Parameters::new(LawKind::Lugre),
+            &options(1, 1, 1),
+            &|_| {},
+        );
+        let error = trained.map(|_| ()).expect_err("no second actuator");
+        assert!(matches!(error, PaperError::NoCovariate("actuator2_force_n")), "{error}");
     }
 }

@@ -82,14 +82,14 @@ fn comparison(caption: &str, tests: &TestCampaign, scores: &[NamedScore]) -> Tab
     Table { best: vec![1, 2, 3], ..Table::new(caption, header, scores.iter().map(row)) }
 }
 
-/// Chart of force over position for the held-out test of this name, with some of the models.
+/// Chart of force over position for the held-out test of this name, with some of the models; `None` without this test.
 fn hysteresis_chart(
     tests: &TestCampaign,
     name: &str,
     scores: &[NamedScore],
     models: &[&'static str],
-) -> Chart {
-    let test = tests.names.iter().position(|known| known == name).unwrap_or(0);
+) -> Option<Chart> {
+    let test = tests.names.iter().position(|known| known == name)?;
     let track = &tests.tracks[test];
     let step = track.len().div_ceil(MAX_CURVE_POINTS).max(1);
     let every = |values: &[f64]| values.iter().copied().step_by(step).collect::<Vec<f64>>();
@@ -104,15 +104,15 @@ fn hysteresis_chart(
         Series::line(name, every(&millimetres), kilonewtons)
     };
     let simulated = models.iter().map(|name| curve(name, &score(scores, name).force[test]));
-    Chart {
-        title: format!("{}, held out", format_test_name(&tests.names[test])),
+    Some(Chart {
+        title: format!("{}, held out", format_test_name(name)),
         caption: "After each reversal the force stays constant while the gap is crossed: a bristle of one \
                   stiffness would turn at once."
             .into(),
         x: Axis::new("travel (mm)"),
         y: Axis::new("force (kN)"),
         series: std::iter::once(curve("measured", &track.torque).muted()).chain(simulated).collect(),
-    }
+    })
 }
 
 /// Returns the test with the largest error, as text.
@@ -283,7 +283,8 @@ pub(super) fn characterisation(
         ))
         .table(comparison("Held out by whole tests, first campaign", tests, scores));
     let models = [LUGRE.name, NAMED_WITH_TENSION.name, NetworkInputs::Actuators.name()];
-    outcome.blocks.extend(section.chart(hysteresis_chart(tests, "35lb@0.5Hz", scores, &models)));
+    let chart = hysteresis_chart(tests, "35lb@0.5Hz", scores, &models);
+    outcome.blocks.extend(section.with(chart.map(Block::Chart)));
 }
 
 /// Adds page and summary of the second campaign.
@@ -314,6 +315,6 @@ pub(super) fn second_campaign(
     let models = [LUGRE.name, NAMED.name, NetworkInputs::Motion.name()];
     let section = Section::new("The second campaign")
         .table(comparison("Held out by whole tests, second campaign", tests, scores))
-        .chart(hysteresis_chart(tests, "36lb@0.5Hz@1in", scores, &models));
+        .with(hysteresis_chart(tests, "36lb@0.5Hz@1in", scores, &models).map(Block::Chart));
     outcome.blocks.extend(section);
 }

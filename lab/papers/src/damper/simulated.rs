@@ -56,7 +56,7 @@ pub(super) fn add_unpublished_tests(
     let mut training = options(request.seed, EPOCHS[usize::from(request.quick)], 1);
     training.rows_per_evaluation = NETWORK_INTERVAL_ROWS;
     let (mut network, trained_on_all) =
-        NetworkInputs::Actuators.train_on_all(&tests, &base, &training, request.progress);
+        NetworkInputs::Actuators.train_on_all(&tests, &base, &training, request.progress)?;
     let by_slow = |name: &String| tests.names.iter().position(|known| known == name);
     let force = slow
         .names

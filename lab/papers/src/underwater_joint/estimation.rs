@@ -68,8 +68,9 @@ pub fn curves(
     counts: impl Fn(usize) -> bool,
 ) -> Vec<Curves> {
     let predicted = predict(&arm.parameters, Rows { tracks, decimate: 1 }, arm.resolution);
-    let mut all: Vec<(Curves, usize)> =
-        KINDS.iter().map(|kind| (Curves { rpm: kind.0, ..Curves::default() }, 0)).collect();
+    let mut all: Vec<Curves> =
+        KINDS.iter().map(|kind| Curves { rpm: kind.0, ..Curves::default() }).collect();
+    let mut runs = [0usize; KINDS.len()];
     let mut seen = [0usize; KINDS.len()];
     for (track, torque) in tracks.iter().zip(&predicted.torque) {
         let name = data.runs[track.run].name.trim_start_matches('k');
@@ -81,21 +82,20 @@ pub fn curves(
             continue;
         }
         let way = track.samples.last().map_or(1.0, |sample| sample.velocity_rad_s.signum());
-        let (sums, runs) = &mut all[kind];
+        let sums = &mut all[kind];
         sums.measured.resize(track.torque.len(), 0.0);
         sums.estimated.resize(track.torque.len(), 0.0);
-        *runs += 1;
+        runs[kind] += 1;
         for (row, (is, model)) in track.torque.iter().zip(torque).enumerate() {
             sums.measured[row] += way * is;
             sums.estimated[row] += way * model;
         }
     }
-    let mean = |(mut curves, runs): (Curves, usize)| {
+    for (curves, runs) in all.iter_mut().zip(runs) {
         let share = 1.0 / runs.max(1) as f64;
         curves.measured.iter_mut().chain(&mut curves.estimated).for_each(|value| *value *= share);
-        curves
-    };
-    all.into_iter().map(mean).collect()
+    }
+    all
 }
 
 /// Computes the paper's certificate of an arm's model on the eight kinds (eq. 2-8, Table III).

@@ -74,10 +74,20 @@ pub fn conditions_of_day(joint: &Conditions, seed: u64) -> Conditions {
     Conditions { temperature_c: random.random_range(TEMPERATURE_C), seed, ..*joint }
 }
 
+/// A run of one seed.
+struct Day {
+    /// Values of the measures of the task.
+    values: Vec<f64>,
+    /// The driver stopped the joint.
+    is_stopped: bool,
+    /// The course, of the first seed only: it is long.
+    course: Option<Course>,
+}
+
 /// Runs a task with every arm, once per seed.
 ///
 /// # Errors
-/// Returns the arm and the reason of the first run that fails.
+/// Returns the arm and the reason of the first run that fails, or an error without seeds.
 pub fn run_experiment(
     task: Task,
     arms: &[DriverArm],
@@ -88,18 +98,19 @@ pub fn run_experiment(
         let days: Vec<u64> = (0..seeds).collect();
         let courses = days.into_par_iter().map(|seed| {
             let course = run(task, arm, &conditions_of_day(joint, joint.seed.wrapping_add(seed)))?;
-            let values: Vec<f64> = measures(task).iter().map(|of| (of.of)(&course)).collect();
-            Ok((values, (seed == 0).then_some(course.clone()), course.stopped))
+            let values = measures(task).iter().map(|of| (of.of)(&course)).collect();
+            Ok(Day { values, is_stopped: course.stopped, course: (seed == 0).then_some(course) })
         });
-        let courses: Vec<(Vec<f64>, Option<Course>, bool)> =
+        let mut days: Vec<Day> =
             courses.collect::<Result<_, PaperError>>().map_err(|error| error.of(arm.name))?;
+        let first = days.first_mut().and_then(|day| day.course.take());
         Ok(TaskResult {
             arm: arm.name,
             values: (0..measures(task).len())
-                .map(|at| courses.iter().map(|course| course.0[at]).collect())
+                .map(|at| days.iter().map(|day| day.values[at]).collect())
                 .collect(),
-            stopped: courses.iter().filter(|course| course.2).count(),
-            course: courses.into_iter().find_map(|course| course.1).unwrap_or_default(),
+            stopped: days.iter().filter(|day| day.is_stopped).count(),
+            course: first.ok_or(PaperError::NoSeeds)?,
         })
     };
     arms.par_iter().map(each).collect()

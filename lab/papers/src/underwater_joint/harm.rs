@@ -10,7 +10,7 @@ use super::measures::{hold_swing_rad, position_rmse_rad, velocity_rmse_rad_s};
 use super::tasks::{Conditions, Course, Task, run};
 use crate::PaperError;
 use compensator_core::ParameterId as Id;
-use joint_rig::{RigFaults, SealSensorFault};
+use joint_rig::{RigError, RigFaults, SealSensorFault};
 use paper_machines::bench::BRAKE_NM;
 use rayon::prelude::*;
 
@@ -43,7 +43,8 @@ pub struct Circumstance {
     pub name: String,
     /// The model's friction exceeds the seal's at every speed.
     pub over_compensates: bool,
-    /// Velocity error over that without compensation in each of [`TASKS`]; `None` if the driver rejected the parameters.
+    /// Velocity error over that without compensation in each of [`TASKS`]; `None` if the driver rejected the parameters or did
+    /// not arm.
     pub tracking_ratio: Option<[f64; TASKS.len()]>,
     /// Position error of the jump over that without compensation. The current limit keeps the joint from following the commanded
     /// velocity, and catching up counts as a velocity error; the position error does not have this effect.
@@ -86,12 +87,15 @@ struct HarmCase {
 
 /// Maps an arm. The second row is the perfect model: if that is worse, too, the cause is the lower friction, otherwise the
 /// wrong model.
+///
+/// # Errors
+/// Returns an error if the joint does not run without compensation, or a driver that is armed fails.
 pub fn harm_map(
     arm: &DriverArm,
     none: &DriverArm,
     perfect: &DriverArm,
     joint: &Conditions,
-) -> Vec<Circumstance> {
+) -> Result<Vec<Circumstance>, PaperError> {
     let mut cases = Vec::new();
     let mut add = |name: String, arm: DriverArm, conditions: Conditions| {
         cases.push(HarmCase { name, arm, conditions, over_compensates: false });
@@ -156,8 +160,8 @@ pub fn harm_map(
         cases.push(HarmCase { name, arm: changed, conditions: *joint, over_compensates });
     }
     // Most circumstances change the model alone, and the joint without compensation is then the same.
-    let same = Uncompensated::measure(none, joint);
-    cases.into_par_iter().map(|case| evaluate_case(case, none, joint, same.as_ref())).collect()
+    let same = Uncompensated::measure(none, joint)?;
+    cases.into_par_iter().map(|case| evaluate_case(case, none, joint, same)).collect()
 }
 
 /// Errors of the joint without compensation.
@@ -169,21 +173,31 @@ struct Uncompensated {
 }
 
 impl Uncompensated {
-    fn measure(none: &DriverArm, conditions: &Conditions) -> Option<Self> {
-        let [lift, tracks, jumps] = TASKS.map(|task| run(task, none, conditions).ok());
-        let jumps = jumps?;
-        let swing_rad = hold_swing_rad(&run(Task::Hold, none, conditions).ok()?);
-        let errors = [&lift?, &tracks?, &jumps].map(velocity_rmse_rad_s);
-        Some(Self { errors, jump_rad: position_rmse_rad(&jumps), swing_rad })
+    fn measure(none: &DriverArm, conditions: &Conditions) -> Result<Self, PaperError> {
+        let [lift, tracks, jumps, holds] = run_all(none, conditions)?;
+        Ok(Self {
+            errors: [&lift, &tracks, &jumps].map(velocity_rmse_rad_s),
+            jump_rad: position_rmse_rad(&jumps),
+            swing_rad: hold_swing_rad(&holds),
+        })
     }
+}
+
+/// Runs the tasks of the map, then holds 2 kg.
+fn run_all(
+    arm: &DriverArm,
+    conditions: &Conditions,
+) -> Result<[Course; TASKS.len() + 1], PaperError> {
+    let [lift, tracks, jumps] = TASKS.map(|task| run(task, arm, conditions));
+    Ok([lift?, tracks?, jumps?, run(Task::Hold, arm, conditions)?])
 }
 
 fn evaluate_case(
     case: HarmCase,
     none: &DriverArm,
     joint: &Conditions,
-    same: Option<&Uncompensated>,
-) -> Circumstance {
+    same: Uncompensated,
+) -> Result<Circumstance, PaperError> {
     let HarmCase { name, arm, conditions, over_compensates } = case;
     let refused = Circumstance {
         name,
@@ -196,24 +210,17 @@ fn evaluate_case(
         stopped: false,
         reported_s: None,
     };
-    let courses = || -> Option<[Course; TASKS.len() + 1]> {
-        let of = |task| run(task, &arm, &conditions).ok();
-        let [lift, tracks, jumps] = TASKS.map(of);
-        Some([lift?, tracks?, jumps?, of(Task::Hold)?])
+    let courses = match run_all(&arm, &conditions) {
+        Err(PaperError::Rig(RigError::Set(_) | RigError::NotArmed(_))) => return Ok(refused),
+        courses => courses?,
     };
-    let measured;
-    let uncompensated = if conditions == *joint {
-        same
-    } else {
-        measured = Uncompensated::measure(none, &conditions);
-        measured.as_ref()
-    };
-    let (Some(courses), Some(uncompensated)) = (courses(), uncompensated) else { return refused };
+    let uncompensated =
+        if conditions == *joint { same } else { Uncompensated::measure(none, &conditions)? };
     let largest =
         |course: &Course| course.current_a.iter().fold(0.0f64, |most, a| most.max(a.abs()));
     let [lift, tracks, jumps, holds] = &courses;
     let errors = [lift, tracks, jumps].map(velocity_rmse_rad_s);
-    Circumstance {
+    Ok(Circumstance {
         tracking_ratio: Some(std::array::from_fn(|at| errors[at] / uncompensated.errors[at])),
         jump_position_ratio: Some(position_rmse_rad(jumps) / uncompensated.jump_rad),
         swing_rad: hold_swing_rad(holds),
@@ -222,7 +229,7 @@ fn evaluate_case(
         stopped: courses.iter().any(|course| course.stopped),
         reported_s: tracks.out_of_band_s,
         ..refused
-    }
+    })
 }
 
 /// Reports of the watch in a campaign with 1 % of wear a day, and on days without wear.

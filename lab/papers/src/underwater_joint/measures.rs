@@ -36,36 +36,38 @@ impl Spread {
 
 /// Mean absolute velocity error from 0.15 s on, rpm.
 pub fn velocity_error_rpm(course: &Course) -> f64 {
-    mean(rows(course).filter(|row| row.0 >= EVALUATION_START_S).map(|row| (row.1 - row.2).abs()))
-        / RPM
+    let rows = rows(course).filter(|row| row.time_s >= EVALUATION_START_S);
+    mean(rows.map(|row| row.error_rad_s().abs())) / RPM
 }
 
 /// Mean absolute error of the lifting speed, % of it.
 pub fn error_rate_percent(course: &Course) -> f64 {
-    100.0 * mean(rows(course).map(|row| (row.1 - row.2).abs())) / LOW_SPEED_RAD_S
+    100.0 * mean(rows(course).map(|row| row.error_rad_s().abs())) / LOW_SPEED_RAD_S
 }
 
 /// Duration of the starting oscillation, s: time until the speed stays within a fifth of the reference, up to 2 s.
 pub fn starting_oscillation_s(course: &Course) -> f64 {
-    let off = |row: &(f64, f64, f64)| (row.1 - row.2).abs() > OSCILLATION_SHARE * LOW_SPEED_RAD_S;
-    rows(course).filter(|row| row.0 < START_END_S).filter(off).map(|row| row.0).fold(0.0, f64::max)
+    let off = |row: &Row| {
+        row.time_s < START_END_S && row.error_rad_s().abs() > OSCILLATION_SHARE * LOW_SPEED_RAD_S
+    };
+    rows(course).filter(off).map(|row| row.time_s).fold(0.0, f64::max)
 }
 
 /// Number of times the leg sticks after its start.
 pub fn stick_count(course: &Course) -> f64 {
     let slow: Vec<bool> = rows(course)
-        .filter(|row| row.0 >= START_END_S)
-        .map(|row| row.1 < STICK_SHARE * LOW_SPEED_RAD_S)
+        .filter(|row| row.time_s >= START_END_S)
+        .map(|row| row.velocity_rad_s < STICK_SHARE * LOW_SPEED_RAD_S)
         .collect();
     slow.windows(2).filter(|pair| !pair[0] && pair[1]).count() as f64
 }
 
 /// Time until the joint is first within a degree of the target, s; the task's length if it never is.
 pub fn time_to_target_s(course: &Course) -> f64 {
-    let closed_loop =
+    let reached =
         course.position_rad.iter().position(|q| (q - TARGET_RAD).abs() < TARGET_TOLERANCE_RAD);
     let end = course.time_s.last().copied().unwrap_or(f64::NAN);
-    closed_loop.map_or(end, |row| course.time_s[row])
+    reached.map_or(end, |row| course.time_s[row])
 }
 
 /// Overshoot over the target, % of the travel.
@@ -76,7 +78,7 @@ pub fn overshoot_percent(course: &Course) -> f64 {
 
 /// Root mean square error of velocity, rad/s.
 pub fn velocity_rmse_rad_s(course: &Course) -> f64 {
-    mean(rows(course).map(|row| (row.1 - row.2).powi(2))).sqrt()
+    mean(rows(course).map(|row| row.error_rad_s().powi(2))).sqrt()
 }
 
 /// Root mean square error of position, rad.
@@ -87,17 +89,34 @@ pub fn position_rmse_rad(course: &Course) -> f64 {
 
 /// Swing of the position in the last second, rad from end to end.
 pub fn hold_swing_rad(course: &Course) -> f64 {
-    let end = course.time_s.last().copied().unwrap_or_default();
+    let end = course.time_s.last().copied().unwrap_or(f64::NAN);
     let late = course.time_s.iter().zip(&course.position_rad).filter(|(t, _)| **t > end - 1.0);
     let (least, most) =
         late.fold((f64::MAX, f64::MIN), |(least, most), (_, q)| (least.min(*q), most.max(*q)));
     most - least
 }
 
-/// Returns time, velocity and reference velocity of each row.
-fn rows(course: &Course) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
+/// A row of a course.
+struct Row {
+    time_s: f64,
+    velocity_rad_s: f64,
+    reference_rad_s: f64,
+}
+
+impl Row {
+    fn error_rad_s(&self) -> f64 {
+        self.velocity_rad_s - self.reference_rad_s
+    }
+}
+
+fn rows(course: &Course) -> impl Iterator<Item = Row> + '_ {
     let velocities = course.velocity_rad_s.iter().zip(&course.reference_rad_s);
-    course.time_s.iter().zip(velocities).map(|(t, (is, reference))| (*t, *is, *reference))
+    let times = course.time_s.iter();
+    times.zip(velocities).map(|(time_s, (velocity_rad_s, reference_rad_s))| Row {
+        time_s: *time_s,
+        velocity_rad_s: *velocity_rad_s,
+        reference_rad_s: *reference_rad_s,
+    })
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {

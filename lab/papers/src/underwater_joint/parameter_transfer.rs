@@ -70,7 +70,7 @@ fn transfer_in_task(
         let plant = joint(task, &of_day);
         let run =
             |rig: &mut JointRig| run_before_and_after(rig, task, after, of_day.max_duration_s);
-        run_armed(&before.set, plant, of_day.faults, run).map_err(PaperError::source)?
+        run_armed(&before.set, plant, of_day.faults, run)?
     });
     let runs: Vec<Run> = runs.collect::<Result<_, PaperError>>()?;
     let measure = measures(task)[0].of;
@@ -93,7 +93,7 @@ fn run_before_and_after(
     let start_rad = rig.plant().position_rad();
     let first = master(rig, task, max_duration_s);
     let (written_s, frames) = replace_parameters(rig, after, start_rad)?;
-    rig.arm(start_rad).map_err(PaperError::source)?;
+    rig.arm(start_rad)?;
     Ok(Run { courses: [first, master(rig, task, max_duration_s)], written_s, frames })
 }
 

@@ -118,7 +118,7 @@ impl Task {
     }
 
     /// Returns the reference at a time from the start.
-    fn reference(self, t: f64) -> BoundSide {
+    fn reference(self, t: f64) -> Reference {
         match self {
             Self::VelocityTracking => {
                 let w = TAU / 5.0;
@@ -128,28 +128,32 @@ impl Task {
                 let velocity = (80.0 + 15.0 * sine) * RPM * share;
                 let spinning = if share < 1.0 { 80.0 * RPM } else { 0.0 };
                 let swinging = if t > 0.0 { 15.0 * RPM * w * cosine } else { 0.0 };
-                BoundSide { velocity, way: 0.0, acceleration: spinning + swinging }
+                Reference {
+                    velocity_rad_s: velocity,
+                    way_rad: 0.0,
+                    acceleration_rad_s2: spinning + swinging,
+                }
             }
             Self::LowSpeed => {
                 const RAMP_S: f64 = 0.1;
                 let share = (t / RAMP_S).clamp(0.0, 1.0);
                 let rising = share > 0.0 && share < 1.0;
-                BoundSide {
-                    velocity: LOW_SPEED_RAD_S * share,
-                    way: if rising {
+                Reference {
+                    velocity_rad_s: LOW_SPEED_RAD_S * share,
+                    way_rad: if rising {
                         LOW_SPEED_RAD_S * 0.5 * t * share
                     } else {
                         LOW_SPEED_RAD_S * (t - 0.5 * RAMP_S).max(0.0)
                     },
-                    acceleration: if rising { LOW_SPEED_RAD_S / RAMP_S } else { 0.0 },
+                    acceleration_rad_s2: if rising { LOW_SPEED_RAD_S / RAMP_S } else { 0.0 },
                 }
             }
             // 0.05 rad in 0.1 s.
             Self::Hold if (0.0..0.1).contains(&t) => {
-                BoundSide { velocity: 0.5, way: 0.5 * t, acceleration: 0.0 }
+                Reference { velocity_rad_s: 0.5, way_rad: 0.5 * t, acceleration_rad_s2: 0.0 }
             }
             Self::Hold => {
-                BoundSide { way: if t < 0.0 { 0.0 } else { 0.05 }, ..BoundSide::default() }
+                Reference { way_rad: if t < 0.0 { 0.0 } else { 0.05 }, ..Reference::default() }
             }
             Self::Impact => trapezoid(t, TARGET_RAD - load::JUMP_FROM_RAD),
         }
@@ -160,17 +164,18 @@ impl Task {
         self,
         p: &Parameters,
         inertia: f64,
-        reference: &BoundSide,
+        reference: &Reference,
         position: f64,
     ) -> f64 {
-        let of_inertia = inertia * reference.acceleration;
+        let of_inertia = inertia * reference.acceleration_rad_s2;
         let arm = p.leg_length_m * position.cos();
         match self {
             Self::VelocityTracking => of_inertia,
             Self::LowSpeed | Self::Hold => of_inertia + p.leg_weight_n * arm,
             // The foot only pushes.
             Self::Impact => {
-                let push = p.platform_mass_kg * arm * reference.acceleration + p.platform_weight_n;
+                let push =
+                    p.platform_mass_kg * arm * reference.acceleration_rad_s2 + p.platform_weight_n;
                 of_inertia + push.max(0.0) * arm
             }
         }
@@ -179,32 +184,38 @@ impl Task {
 
 /// Reference at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct BoundSide {
-    /// Velocity, rad/s.
-    velocity: f64,
+struct Reference {
+    velocity_rad_s: f64,
     /// Position from the start, rad.
-    way: f64,
-    /// Acceleration, rad/s^2.
-    acceleration: f64,
+    way_rad: f64,
+    acceleration_rad_s2: f64,
 }
 
 /// Returns the reference of a move over this distance, at the maximum speed and acceleration of the jump.
-fn trapezoid(t: f64, way: f64) -> BoundSide {
+fn trapezoid(t: f64, way: f64) -> Reference {
     let rise = JUMP_RAD_S / JUMP_RAD_S2;
     let cruise = (way - JUMP_RAD_S * rise) / JUMP_RAD_S;
     let t = t.clamp(0.0, 2.0 * rise + cruise);
     let left = 2.0 * rise + cruise - t;
     if t <= 0.0 || left <= 0.0 {
-        BoundSide { velocity: 0.0, way: if t <= 0.0 { 0.0 } else { way }, acceleration: 0.0 }
+        Reference { way_rad: if t <= 0.0 { 0.0 } else { way }, ..Reference::default() }
     } else if t < rise {
         let gone = 0.5 * JUMP_RAD_S2 * t * t;
-        BoundSide { velocity: JUMP_RAD_S2 * t, way: gone, acceleration: JUMP_RAD_S2 }
+        Reference {
+            velocity_rad_s: JUMP_RAD_S2 * t,
+            way_rad: gone,
+            acceleration_rad_s2: JUMP_RAD_S2,
+        }
     } else if left < rise {
         let missing = 0.5 * JUMP_RAD_S2 * left * left;
-        BoundSide { velocity: JUMP_RAD_S2 * left, way: way - missing, acceleration: -JUMP_RAD_S2 }
+        Reference {
+            velocity_rad_s: JUMP_RAD_S2 * left,
+            way_rad: way - missing,
+            acceleration_rad_s2: -JUMP_RAD_S2,
+        }
     } else {
         let gone = 0.5 * JUMP_RAD_S * rise + JUMP_RAD_S * (t - rise);
-        BoundSide { velocity: JUMP_RAD_S, way: gone, acceleration: 0.0 }
+        Reference { velocity_rad_s: JUMP_RAD_S, way_rad: gone, acceleration_rad_s2: 0.0 }
     }
 }
 
@@ -268,7 +279,7 @@ pub fn run(task: Task, arm: &DriverArm, conditions: &Conditions) -> Result<Cours
         plant.cancel_friction(share, MAX_CURRENT_A * per_ampere);
     }
     let work = |rig: &mut JointRig| master(rig, task, conditions.max_duration_s);
-    run_armed(&arm.set, plant, conditions.faults, work).map_err(PaperError::source)
+    Ok(run_armed(&arm.set, plant, conditions.faults, work)?)
 }
 
 /// Returns the nominal inertia for the design of the loops, from the machine's table.
@@ -292,23 +303,23 @@ pub fn master(rig: &mut JointRig, task: Task, max_duration_s: f64) -> Course {
         let reference = task.reference(t);
         let view = *rig.master_view();
         let follow = match task {
-            Task::VelocityTracking => reference.velocity,
+            Task::VelocityTracking => reference.velocity_rad_s,
             // In the lifting task only velocity is controlled once the joint moves.
-            Task::LowSpeed if t > 0.0 => reference.velocity,
+            Task::LowSpeed if t > 0.0 => reference.velocity_rad_s,
             Task::LowSpeed | Task::Impact | Task::Hold => {
-                let behind = start + reference.way - f64::from(view.position_rad);
-                reference.velocity + TAU * VELOCITY_HZ * POSITION_SHARE * behind
+                let behind = start + reference.way_rad - f64::from(view.position_rad);
+                reference.velocity_rad_s + TAU * VELOCITY_HZ * POSITION_SHARE * behind
             }
         };
         // 1 Nm/A.
         let known = task.rigid_body_nm(&p, inertia, &reference, f64::from(view.position_rad));
         let error = follow - f64::from(view.velocity_rad_s);
         let current = velocity_loop.current_a(error, known);
-        rig.step_with_command(current as f32, reference.velocity as f32);
+        rig.step_with_command(current as f32, reference.velocity_rad_s as f32);
         if row >= 0 {
             course.time_s.push(t);
-            course.reference_rad_s.push(reference.velocity);
-            course.reference_rad.push(start + reference.way);
+            course.reference_rad_s.push(reference.velocity_rad_s);
+            course.reference_rad.push(start + reference.way_rad);
             course.velocity_rad_s.push(rig.plant().velocity_rad_s());
             course.position_rad.push(rig.plant().position_rad());
             course.current_a.push(f64::from(rig.master_view().current_a));

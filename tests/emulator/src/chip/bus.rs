@@ -18,7 +18,7 @@ impl<W: World> Chip<W> {
         let now = self.now;
         let chip = self.wiring.chip;
         match address {
-            _ if is_within(chip.clock.0, address) => self.timer5.read(address & 0x3FF, now),
+            _ if is_within(chip.clock, address) => self.timer5.read(address & 0x3FF, now),
             _ if is_within(chip.counter, address) => {
                 self.follow_edges();
                 self.timer20.read(address & 0x3FF)
@@ -108,7 +108,7 @@ impl<W: World> Chip<W> {
         let now = self.now;
         let chip = self.wiring.chip;
         match aligned {
-            _ if is_within(chip.clock.0, aligned) => self.timer5.write(aligned & 0x3FF, word, now),
+            _ if is_within(chip.clock, aligned) => self.timer5.write(aligned & 0x3FF, word, now),
             _ if is_within(chip.counter, aligned) => {
                 self.follow_edges();
                 self.timer20.write(aligned & 0x3FF, word);

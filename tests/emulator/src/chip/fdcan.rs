@@ -86,8 +86,8 @@ pub struct Fdcan {
     /// Transmit elements that wait, oldest first, and the one on the bus with its end.
     waiting: VecDeque<usize>,
     on_bus: Option<(u64, usize)>,
-    /// Frames that others send: earliest start, and true for a remote frame.
-    arriving: VecDeque<(u64, Frame, bool)>,
+    /// Frames that others send.
+    arriving: VecDeque<Arriving>,
     arrival: Option<u64>,
     bus_free: u64,
     /// Error counters: transmit, receive.
@@ -106,6 +106,15 @@ pub struct Fdcan {
     pub sent_fd: VecDeque<(u64, FdTelemetry)>,
     /// End and identifier of the last frames that the driver may have received.
     pub arrived: VecDeque<(u64, u16)>,
+}
+
+/// A frame that others send.
+#[derive(Clone, Debug)]
+struct Arriving {
+    /// Its earliest start, cycles.
+    from: u64,
+    frame: Frame,
+    is_remote: bool,
 }
 
 /// A frame in a transmit element.
@@ -205,13 +214,13 @@ impl Fdcan {
 
     /// Sends a frame to the node, from this time on.
     pub fn deliver(&mut self, frame: Frame, now: u64) {
-        self.arriving.push_back((now, frame, false));
+        self.arriving.push_back(Arriving { from: now, frame, is_remote: false });
         self.begin_next(now);
     }
 
     /// Sends a remote frame, which requests that of an identifier.
     pub fn deliver_remote(&mut self, frame: Frame, now: u64) {
-        self.arriving.push_back((now, frame, true));
+        self.arriving.push_back(Arriving { from: now, frame, is_remote: true });
         self.begin_next(now);
     }
 
@@ -272,11 +281,11 @@ impl Fdcan {
         let others_win = match (&waiting, arrives) {
             (_, None) => false,
             (None, Some(_)) => true,
-            (Some((_, waiting)), Some((from, other, _))) => {
-                *from <= start && other.identifier() < waiting.identifier()
+            (Some((_, waiting)), Some(other)) => {
+                other.from <= start && other.frame.identifier() < waiting.identifier()
             }
         };
-        if others_win && let Some((from, frame, _)) = arrives {
+        if others_win && let Some(Arriving { from, frame, .. }) = arrives {
             self.arrival = Some(start.max(*from) + frame_cycles(frame));
         } else if let Some((element, frame)) = waiting {
             let cycles = match &frame {
@@ -289,9 +298,9 @@ impl Fdcan {
 
     /// Puts the frame of the others that is next on the bus first: the lowest identifier of those that wait.
     fn sort_arriving(&mut self, start: u64) {
-        let waits = self.arriving.iter().enumerate().filter(|(_, (from, ..))| *from <= start);
-        let lowest =
-            waits.min_by_key(|(at, (_, frame, _))| (frame.identifier(), *at)).map(|(at, _)| at);
+        let waits = self.arriving.iter().enumerate().filter(|(_, other)| other.from <= start);
+        let lowest = waits.min_by_key(|(at, other)| (other.frame.identifier(), *at));
+        let lowest = lowest.map(|(at, _)| at);
         if let Some(frame) = lowest.and_then(|at| self.arriving.remove(at)) {
             self.arriving.push_front(frame);
         }
@@ -360,7 +369,7 @@ impl Fdcan {
         }
         self.errors[1] = self.errors[1].saturating_sub(1);
         self.bus_free = end;
-        if let Some((_, frame, is_remote)) = self.arriving.pop_front()
+        if let Some(Arriving { frame, is_remote, .. }) = self.arriving.pop_front()
             && self.is_running()
         {
             self.arrived.truncate(ARRIVED_FRAMES - 1);

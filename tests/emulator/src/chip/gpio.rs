@@ -3,7 +3,7 @@
 //! A signal of a peripheral reaches its pin only through the pin's alternate function (data sheet DS12288, table 13). The
 //! connections are those of the board ([`super::wiring`]).
 
-use super::wiring::{Connections, Pin, STANDARD, Wiring};
+use super::wiring::{Connection, Connections, Pin, STANDARD, Wiring};
 
 const PORTS: usize = 7;
 const MODER: u32 = 0x00;
@@ -64,26 +64,26 @@ impl Gpio {
         self.registers[port][offset as usize / 4]
     }
 
-    fn mode(&self, (port, pin): Pin) -> u32 {
-        self.register(port, MODER) >> (2 * pin) & 3
+    fn mode(&self, Pin { port, number }: Pin) -> u32 {
+        self.register(port, MODER) >> (2 * number) & 3
     }
 
     /// Returns true for the register that shows the levels of the Hall sensors.
     pub fn reads_hall(&self, address: u32) -> bool {
-        let port = self.wiring.hall.map(|[first, ..]| first.0 as u32);
+        let port = self.wiring.hall.map(|[first, ..]| first.port as u32);
         port.is_some_and(|port| address == 0x4800_0000 + 0x400 * port + IDR)
     }
 
-    fn output(&self, (port, pin): Pin) -> Option<bool> {
-        let is_output = self.mode((port, pin)) == OUTPUT;
-        is_output.then(|| self.register(port, ODR) >> pin & 1 == 1)
+    fn output(&self, pin: Pin) -> Option<bool> {
+        let is_output = self.mode(pin) == OUTPUT;
+        is_output.then(|| self.register(pin.port, ODR) >> pin.number & 1 == 1)
     }
 
     /// Returns true if all these signals are connected to their pins.
     pub fn connects(&self, signals: Connections) -> bool {
-        signals.iter().all(|&(pin, function)| {
-            let word = self.register(pin.0, if pin.1 < 8 { AFRL } else { AFRH });
-            self.mode(pin) == ALTERNATE && word >> (4 * (pin.1 % 8)) & 0xF == function
+        signals.iter().all(|&Connection { pin, function }| {
+            let word = self.register(pin.port, if pin.number < 8 { AFRL } else { AFRH });
+            self.mode(pin) == ALTERNATE && word >> (4 * (pin.number % 8)) & 0xF == function
         })
     }
 
@@ -144,9 +144,9 @@ impl Gpio {
         });
         let touch = self.wiring.touch.map(|pin| (pin, self.is_touched));
         let driven = fault.into_iter().chain(touch).chain(torque.into_iter().flatten());
-        for ((driven, pin), is_high) in driven.chain(hall.into_iter().flatten()) {
-            if driven == port {
-                levels = levels & !(1 << pin) | u32::from(is_high) << pin;
+        for (pin, is_high) in driven.chain(hall.into_iter().flatten()) {
+            if pin.port == port {
+                levels = levels & !(1 << pin.number) | u32::from(is_high) << pin.number;
             }
         }
         levels
@@ -159,8 +159,9 @@ impl Gpio {
         if offset != IDR {
             return registers.get(offset as usize / 4).copied().unwrap_or(0);
         }
-        let outputs =
-            (0..16).fold(0, |word, pin| word | u32::from(self.mode((port, pin)) == OUTPUT) << pin);
+        let outputs = (0..16).fold(0, |word, number| {
+            word | u32::from(self.mode(Pin { port, number }) == OUTPUT) << number
+        });
         (registers[ODR as usize / 4] & outputs | self.inputs(port) & !outputs) & 0xFFFF
     }
 

@@ -5,11 +5,64 @@
 use super::comparators::{self, Comparator};
 use joint_rig::CurrentChain;
 
-/// A pin: its port, from 0 for A, and its number.
-pub type Pin = (usize, u32);
+/// A pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pin {
+    /// Its port, from 0 for A.
+    pub port: usize,
+    /// Its number, from 0 to 15.
+    pub number: u32,
+}
 
-/// Signals of a peripheral, each with its pin and the alternate function that connects it (data sheet DS12288, table 13).
-pub type Connections = &'static [(Pin, u32)];
+impl Pin {
+    /// Returns the connection of this pin by an alternate function.
+    const fn af(self, function: u32) -> Connection {
+        Connection { pin: self, function }
+    }
+}
+
+const fn pa(number: u32) -> Pin {
+    Pin { port: 0, number }
+}
+
+const fn pb(number: u32) -> Pin {
+    Pin { port: 1, number }
+}
+
+const fn pc(number: u32) -> Pin {
+    Pin { port: 2, number }
+}
+
+const fn pd(number: u32) -> Pin {
+    Pin { port: 3, number }
+}
+
+/// A signal of a peripheral: its pin, and the alternate function that connects it (data sheet DS12288, table 13).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Connection {
+    /// The pin.
+    pub pin: Pin,
+    /// Number of the function, from 0 to 15.
+    pub function: u32,
+}
+
+/// Signals of a peripheral.
+pub type Connections = &'static [Connection];
+
+/// A channel of a converter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Number of the converter, from 1 to 5.
+    pub converter: usize,
+    /// Number of its channel.
+    pub number: u32,
+    /// What it shows.
+    pub quantity: Quantity,
+}
+
+const fn channel(converter: usize, number: u32, quantity: Quantity) -> Channel {
+    Channel { converter, number, quantity }
+}
 
 /// What a channel of a converter shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,8 +90,10 @@ pub struct ChipTraits {
     pub ccm_bytes: u32,
     /// Length of the parameter store at the end of the flash, bytes.
     pub store_bytes: u32,
-    /// Base address and interrupt of the timer that is the software's clock.
-    pub clock: (u32, usize),
+    /// Base address of the timer that is the software's clock.
+    pub clock: u32,
+    /// Interrupt of this timer.
+    pub clock_interrupt: usize,
     /// Base address of the counter of a quadrature encoder.
     pub counter: u32,
 }
@@ -49,7 +104,8 @@ pub const STM32G474: ChipTraits = ChipTraits {
     ram_bytes: 96 << 10,
     ccm_bytes: 32 << 10,
     store_bytes: 8 << 10,
-    clock: (0x4000_0C00, 50),
+    clock: 0x4000_0C00,
+    clock_interrupt: 50,
     counter: 0x4001_5000,
 };
 
@@ -59,7 +115,8 @@ pub const STM32G431: ChipTraits = ChipTraits {
     ram_bytes: 32 << 10,
     ccm_bytes: 0,
     store_bytes: 4 << 10,
-    clock: (0x4000_0000, 28),
+    clock: 0x4000_0000,
+    clock_interrupt: 28,
     counter: 0x4000_0800,
 };
 
@@ -111,52 +168,55 @@ pub struct Wiring {
     pub joint_encoder: Connections,
     /// I2C1_SCL and SDA.
     pub sensor_bus: Connections,
-    /// Channels of the converters: number, channel, and what they show.
-    pub channels: &'static [((usize, u32), Quantity)],
+    /// Channels of the converters.
+    pub channels: &'static [Channel],
     /// Inputs of the comparators.
     pub overcurrent: ComparatorInputs,
     /// Shunts and amplifiers.
     pub currents: CurrentChain,
     /// Scale of the bus voltage.
     pub volts_per_count: f64,
-    /// Resistance of the bridge's thermistor at 25 deg C per resistance of its divider, and whether it is above it.
-    pub thermistor: (f32, bool),
+    /// Resistance of the bridge's thermistor at 25 deg C per resistance of its divider.
+    pub thermistor_ratio_at_25: f32,
+    /// The thermistor is above the resistor of its divider.
+    pub is_thermistor_above: bool,
 }
 
 impl Wiring {
     /// Returns what a channel shows; `None` if it is not connected.
     pub fn quantity(&self, converter: usize, channel: u32) -> Option<Quantity> {
-        let found = self.channels.iter().find(|(at, _)| *at == (converter, channel));
-        found.map(|(_, quantity)| *quantity)
+        let mut channels = self.channels.iter();
+        let found = channels.find(|at| (at.converter, at.number) == (converter, channel));
+        found.map(|at| at.quantity)
     }
 }
 
 /// The joint driver's board: 1 mohm, amplified by 20; 68 k over 3.3 k.
 pub const STANDARD: Wiring = Wiring {
     chip: &STM32G474,
-    enable: Some((2, 6)),
-    fault: Some((1, 10)),
-    select: Some((0, 4)),
-    brake: Some((2, 7)),
-    torque_allowed: Some([(2, 10), (2, 11)]),
-    touch: Some((2, 12)),
-    can: &[((0, 11), 9), ((1, 9), 9)],
-    quadrature: &[((1, 2), 3), ((2, 2), 6), ((2, 8), 6)],
-    hall: Some([(2, 3), (2, 4), (2, 5)]),
-    bridge: &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((0, 7), 6), ((0, 12), 6), ((1, 15), 4)],
-    break_input: &[((1, 10), 12)],
-    encoder_select: &[((0, 4), 2)],
-    encoder_bus: &[((0, 5), 5), ((0, 6), 5), ((1, 5), 5)],
-    joint_encoder: &[((1, 3), 6), ((1, 4), 6)],
-    sensor_bus: &[((0, 15), 4), ((1, 7), 4)],
+    enable: Some(pc(6)),
+    fault: Some(pb(10)),
+    select: Some(pa(4)),
+    brake: Some(pc(7)),
+    torque_allowed: Some([pc(10), pc(11)]),
+    touch: Some(pc(12)),
+    can: &[pa(11).af(9), pb(9).af(9)],
+    quadrature: &[pb(2).af(3), pc(2).af(6), pc(8).af(6)],
+    hall: Some([pc(3), pc(4), pc(5)]),
+    bridge: &[pa(8).af(6), pa(9).af(6), pa(10).af(6), pa(7).af(6), pa(12).af(6), pb(15).af(4)],
+    break_input: &[pb(10).af(12)],
+    encoder_select: &[pa(4).af(2)],
+    encoder_bus: &[pa(5).af(5), pa(6).af(5), pb(5).af(5)],
+    joint_encoder: &[pb(3).af(6), pb(4).af(6)],
+    sensor_bus: &[pa(15).af(4), pb(7).af(4)],
     channels: &[
-        ((1, 1), Quantity::Phase(0)),
-        ((2, 2), Quantity::Phase(1)),
-        ((1, 6), Quantity::Bus),
-        ((2, 7), Quantity::Leak),
-        ((3, 12), Quantity::Thermistor(0)),
-        ((3, 1), Quantity::Thermistor(1)),
-        ((4, 3), Quantity::Force),
+        channel(1, 1, Quantity::Phase(0)),
+        channel(2, 2, Quantity::Phase(1)),
+        channel(1, 6, Quantity::Bus),
+        channel(2, 7, Quantity::Leak),
+        channel(3, 12, Quantity::Thermistor(0)),
+        channel(3, 1, Quantity::Thermistor(1)),
+        channel(4, 3, Quantity::Force),
     ],
     overcurrent: ComparatorInputs {
         comparators: &comparators::G474,
@@ -169,35 +229,36 @@ pub const STANDARD: Wiring = Wiring {
         zero_counts: 2048.0,
     },
     volts_per_count: 3.3 / 4096.0 * (68.0 + 3.3) / 3.3,
-    thermistor: (1.0, false),
+    thermistor_ratio_at_25: 1.0,
+    is_thermistor_above: false,
 };
 
 /// A second board: 0.5 mohm at the other inputs; 100 k over 4.7 k.
 pub const SECOND: Wiring = Wiring {
     chip: &STM32G474,
-    enable: Some((2, 9)),
-    fault: Some((0, 6)),
-    select: Some((2, 7)),
-    brake: Some((0, 7)),
-    torque_allowed: Some([(2, 6), (3, 2)]),
+    enable: Some(pc(9)),
+    fault: Some(pa(6)),
+    select: Some(pc(7)),
+    brake: Some(pa(7)),
+    torque_allowed: Some([pc(6), pd(2)]),
     touch: None,
-    can: &[((0, 11), 9), ((1, 9), 9)],
+    can: &[pa(11).af(9), pb(9).af(9)],
     quadrature: &[],
     hall: None,
-    bridge: &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((2, 13), 4), ((0, 12), 6), ((1, 15), 4)],
-    break_input: &[((0, 6), 6)],
-    encoder_select: &[((2, 7), 2)],
-    encoder_bus: &[((1, 3), 5), ((1, 4), 5), ((1, 5), 5)],
-    joint_encoder: &[((2, 10), 6), ((2, 11), 6)],
-    sensor_bus: &[((0, 15), 4), ((1, 7), 4)],
+    bridge: &[pa(8).af(6), pa(9).af(6), pa(10).af(6), pc(13).af(4), pa(12).af(6), pb(15).af(4)],
+    break_input: &[pa(6).af(6)],
+    encoder_select: &[pc(7).af(2)],
+    encoder_bus: &[pb(3).af(5), pb(4).af(5), pb(5).af(5)],
+    joint_encoder: &[pc(10).af(6), pc(11).af(6)],
+    sensor_bus: &[pa(15).af(4), pb(7).af(4)],
     channels: &[
-        ((1, 2), Quantity::Phase(0)),
-        ((2, 1), Quantity::Phase(1)),
-        ((1, 7), Quantity::Bus),
-        ((2, 6), Quantity::Leak),
-        ((3, 1), Quantity::Thermistor(0)),
-        ((3, 12), Quantity::Thermistor(1)),
-        ((4, 3), Quantity::Force),
+        channel(1, 2, Quantity::Phase(0)),
+        channel(2, 1, Quantity::Phase(1)),
+        channel(1, 7, Quantity::Bus),
+        channel(2, 6, Quantity::Leak),
+        channel(3, 1, Quantity::Thermistor(0)),
+        channel(3, 12, Quantity::Thermistor(1)),
+        channel(4, 3, Quantity::Force),
     ],
     overcurrent: ComparatorInputs {
         comparators: &comparators::G474,
@@ -210,7 +271,8 @@ pub const SECOND: Wiring = Wiring {
         zero_counts: 2048.0,
     },
     volts_per_count: 3.3 / 4096.0 * (100.0 + 4.7) / 4.7,
-    thermistor: (1.0, false),
+    thermistor_ratio_at_25: 1.0,
+    is_thermistor_above: false,
 };
 
 /// Shunts of the B-G431B-ESC1: 3 mohm behind 1.5 k, with 2.2 k to ground and 22 k to 3.3 V, which the comparators see.
@@ -228,20 +290,20 @@ pub const ESC1: Wiring = Wiring {
     brake: None,
     torque_allowed: None,
     touch: None,
-    can: &[((0, 11), 9), ((1, 9), 9)],
-    quadrature: &[((1, 6), 2), ((1, 7), 2), ((1, 8), 2)],
-    hall: Some([(1, 6), (1, 7), (1, 8)]),
-    bridge: &[((0, 8), 6), ((0, 9), 6), ((0, 10), 6), ((2, 13), 4), ((0, 12), 6), ((1, 15), 4)],
+    can: &[pa(11).af(9), pb(9).af(9)],
+    quadrature: &[pb(6).af(2), pb(7).af(2), pb(8).af(2)],
+    hall: Some([pb(6), pb(7), pb(8)]),
+    bridge: &[pa(8).af(6), pa(9).af(6), pa(10).af(6), pc(13).af(4), pa(12).af(6), pb(15).af(4)],
     break_input: &[],
     encoder_select: &[],
     encoder_bus: &[],
     joint_encoder: STANDARD.joint_encoder,
     sensor_bus: &[],
     channels: &[
-        ((1, 3), Quantity::Phase(0)),
-        ((2, 3), Quantity::Phase(1)),
-        ((2, 1), Quantity::Bus),
-        ((1, 5), Quantity::Thermistor(0)),
+        channel(1, 3, Quantity::Phase(0)),
+        channel(2, 3, Quantity::Phase(1)),
+        channel(2, 1, Quantity::Bus),
+        channel(1, 5, Quantity::Thermistor(0)),
     ],
     overcurrent: ComparatorInputs {
         comparators: &comparators::ESC1,
@@ -255,5 +317,6 @@ pub const ESC1: Wiring = Wiring {
         zero_counts: ESC1_SHUNTS.zero_counts * 16.0,
     },
     volts_per_count: 3.3 / 4096.0 * (169.0 + 18.0) / 18.0,
-    thermistor: (10.0 / 4.7, true),
+    thermistor_ratio_at_25: 10.0 / 4.7,
+    is_thermistor_above: true,
 };

@@ -203,19 +203,32 @@ impl Since {
     }
 }
 
-/// The codes of the dry side, with the times after which they come and go, ms.
-const CODES: [(Code, u64, u64); 7] = [
-    (Code::TorqueOff, 0, 100),
-    (Code::TorqueOffChannels, 100, 100),
-    (Code::Leak, 200, 1000),
-    (Code::LeakReported, 200, 1000),
-    (Code::HousingHumid, 3000, 3000),
-    (Code::HousingPressure, 3000, 3000),
-    (Code::EnclosureUnknown, 1000, 1000),
+/// A code of the dry side.
+struct DryCode {
+    code: Code,
+    /// Time of its cause after which it comes, ms.
+    comes_ms: u64,
+    /// Time without its cause after which it goes, ms.
+    goes_ms: u64,
+}
+
+const fn dry(code: Code, comes_ms: u64, goes_ms: u64) -> DryCode {
+    DryCode { code, comes_ms, goes_ms }
+}
+
+/// The codes of the dry side.
+const CODES: [DryCode; 7] = [
+    dry(Code::TorqueOff, 0, 100),
+    dry(Code::TorqueOffChannels, 100, 100),
+    dry(Code::Leak, 200, 1000),
+    dry(Code::LeakReported, 200, 1000),
+    dry(Code::HousingHumid, 3000, 3000),
+    dry(Code::HousingPressure, 3000, 3000),
+    dry(Code::EnclosureUnknown, 1000, 1000),
 ];
 
 /// Returns which codes these readings are a cause of, in the order of [`CODES`].
-fn causes(readings: &Readings, sensors: &SensorParameters) -> [bool; 7] {
+fn causes(readings: &Readings, sensors: &SensorParameters) -> [bool; CODES.len()] {
     let leaks = sensors.leak_connected != 0.0;
     let share = readings.leak_share.unwrap_or(f32::NAN);
     let is_wet = leaks && share < sensors.leak_wet_share;
@@ -243,7 +256,7 @@ struct Joint {
     now_us: u64,
     counter: u8,
     readings: Readings,
-    since: [Since; 7],
+    since: [Since; CODES.len()],
 }
 
 impl Joint {
@@ -331,14 +344,14 @@ impl Joint {
     fn check(&self, was_armed: bool, passed_ms: u64) {
         let late_ms = 2 * passed_ms;
         let supervisor = self.driver.joint.supervisor();
-        for ((code, comes_ms, goes_ms), since) in CODES.into_iter().zip(&self.since) {
+        for (DryCode { code, comes_ms, goes_ms }, since) in CODES.iter().zip(&self.since) {
             if matches!(code, Code::TorqueOff | Code::Leak) {
                 // A fault is kept until it is cleared, and does not come while the joint is safe.
                 let stops = since.is_present_for(comes_ms + late_ms);
                 assert!(!(stops && self.driver.joint.is_armed()), "armed in spite of {code:?}");
                 continue;
             }
-            let is_limited = supervisor.limits().contains(code);
+            let is_limited = supervisor.limits().contains(*code);
             assert!(is_limited || !since.is_present_for(comes_ms + late_ms), "{code:?} is missing");
             assert!(!is_limited || !since.is_absent_for(goes_ms + late_ms), "{code:?} stays");
         }

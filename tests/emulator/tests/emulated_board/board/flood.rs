@@ -28,14 +28,21 @@ const LONGEST_PAUSE_MS: f64 = 1.25;
 /// Latest end of the interrupt, as a share of its period.
 const LATEST_END: f64 = 0.65;
 
-/// A frame of a flood, and whether it is a remote frame.
-type FloodFrame = (u16, Vec<u8>, bool);
+/// A frame of a flood.
+enum FloodFrame {
+    Data(Frame),
+    Remote(Frame),
+}
 
 /// Makes the next frame of a flood from random numbers and its number.
 type Flood = fn(&mut Pcg64Mcg, u32) -> FloodFrame;
 
+fn frame(identifier: u16, data: &[u8]) -> Frame {
+    Frame::new(identifier, data).expect("a frame")
+}
+
 fn data_frame(identifier: u16, data: &[u8]) -> FloodFrame {
-    (identifier, data.to_vec(), false)
+    FloodFrame::Data(frame(identifier, data))
 }
 
 fn bytes(random: &mut Pcg64Mcg, length: usize) -> Vec<u8> {
@@ -61,7 +68,7 @@ fn requests(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
     data[0] =
         [0x40, 0x40, 0x60, 0x70, 0xA4, 0xA2, 0xA3, 0xA1, 0x80, 0xE0][random.random_range(0..10)];
     data[2] = [0x10, 0x14, 0x18, 0x20, 0x20, 0x60][random.random_range(0..6)];
-    (REQUEST, data, false)
+    data_frame(REQUEST, &data)
 }
 
 /// Layer setting services.
@@ -72,7 +79,7 @@ fn lss(random: &mut Pcg64Mcg, number: u32) -> FloodFrame {
             [random.random_range(0..10)];
         data[1] = random.random_range(0..3);
     }
-    (0x7E5, data, false)
+    data_frame(0x7E5, &data)
 }
 
 /// Network commands to other nodes.
@@ -85,13 +92,13 @@ fn network_commands(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
 fn remote_frames(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
     let identifier =
         [0, 0x80, 0x181, 0x201, 0x301, REQUEST, 0x701, 0x7E5][random.random_range(0..8)];
-    (identifier, Vec::new(), true)
+    FloodFrame::Remote(frame(identifier, &[]))
 }
 
 /// The shortest frames that the filters accept: SYNC, heartbeats and emergencies without data.
 fn short_frames(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
     let identifier = [0x80, 0x701, REQUEST, 0x7E5, 0x705][random.random_range(0..5)];
-    (identifier, Vec::new(), false)
+    data_frame(identifier, &[])
 }
 
 /// Any identifier but those of the set-points.
@@ -99,7 +106,8 @@ fn random_frames(random: &mut Pcg64Mcg, _: u32) -> FloodFrame {
     let length = random.random_range(0..=8);
     let identifier = random.random_range(1..0x800);
     let is_to_joint = identifier & 0x7F == 1;
-    (if is_to_joint { identifier + 1 } else { identifier }, bytes(random, length), false)
+    let identifier = if is_to_joint { identifier + 1 } else { identifier };
+    data_frame(identifier, &bytes(random, length))
 }
 
 const FLOODS: [(&str, Flood); 9] = [
@@ -156,7 +164,7 @@ impl FloodedJoint {
     }
 
     fn deliver(&mut self, identifier: u16, data: &[u8]) {
-        self.driver.receive(&Frame::new(identifier, data).expect("a frame"));
+        self.driver.receive(&frame(identifier, data));
     }
 
     /// Runs 1 ms with a set-point, and this flood on the rest of the bus.
@@ -173,11 +181,13 @@ impl FloodedJoint {
             while let Some((random, next)) = &mut flood
                 && self.driver.machine_mut().chip().can.waiting_frames() < 2
             {
-                let (identifier, data, is_remote) = next(random, self.frames);
+                let next = next(random, self.frames);
                 self.frames += 1;
-                let frame = Frame::new(identifier, &data).expect("a frame");
                 let chip = self.driver.machine_mut().chip_mut();
-                if is_remote { chip.deliver_remote(frame) } else { chip.deliver(frame) }
+                match next {
+                    FloodFrame::Data(frame) => chip.deliver(frame),
+                    FloodFrame::Remote(frame) => chip.deliver_remote(frame),
+                }
             }
             let machine = self.driver.machine_mut();
             assert_eq!(machine.run(MILLISECOND / SLICES), StopReason::Time, "{}", self.frames);

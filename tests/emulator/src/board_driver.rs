@@ -1,38 +1,31 @@
 //! The emulated board as the driver of a rig.
+//!
+//! [`BoardDriver`] executes the shipped image for each millisecond of the rig, and shows the rig its frames. States and faults are
+//! read over the bus as a master reads them. A reset or a power cut starts another chip with the flash of the old one.
 
-use crate::chip::bme280::HousingAir;
 use crate::chip::clock::reset;
-use crate::chip::comparators::BreakLevels;
 use crate::chip::flash::StoreContent;
-use crate::chip::ms5837::Water;
-use crate::chip::timer20::Edges;
-use crate::chip::wiring::{ESC1, Quantity, STANDARD, Wiring};
+use crate::chip::wiring::{ESC1, STANDARD, Wiring};
 use crate::chip::{CORE_HZ, Chip};
 use crate::costs::{Costs, LOOP_EXCEPTION};
 use crate::error::EmulatorError;
-use crate::world::{Bridge, World};
+use crate::joint_world::JointWorld;
 use crate::{Image, Machine, StopReason};
 use compensator_core::can::{Frame, NodeId};
 use embedded_storage::nor_flash::ReadNorFlash;
 use firmware::background::BoardState;
 use firmware::node::dictionary::index;
 use firmware::panic_note::{PanicNote, Part};
-use firmware::sensors::thermistor::Thermistor;
-use firmware::supervisor::{CodeSet, ResetCause};
+use firmware::supervisor::{CanState, CodeSet, ResetCause};
 use joint_rig::{
-    InterruptTiming, PERIOD_CYCLES, PowerUp, RigDriver, RigError, RigFaults, Stage,
-    codes_from_bits, stored_flash,
+    PERIOD_CYCLES, PowerUp, RigDriver, RigError, RigFaults, Stage, codes_from_bits, stored_flash,
 };
 use joint_trace::CanFrame;
-use simulated_machines::joint_plant::{JointPlant, Load, Measured, Parameters};
+use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicU32, Ordering};
-
-/// Longest block of instructions between two looks at the events of the chip, cycles. A missed interrupt is held for as much
-/// longer, so that the trigger of the next period can hold it too.
-const BLOCK_CYCLES: u32 = 400;
 
 const NODE: NodeId = NodeId::FIRST;
 const MILLISECOND_CYCLES: u64 = CORE_HZ / 1000;
@@ -45,215 +38,6 @@ const ARMED: u32 = 1;
 const START_TIMEOUT_MS: usize = 200;
 /// Symbol of the heat that a reset leaves (firmware/src/heat_memory.rs).
 pub const HEAT_MEMORY: &str = "heat_memory4KEPT";
-/// Counts of a full turn of the encoder.
-const ENCODER_COUNTS: f64 = 16384.0;
-
-/// Material constant B of all thermistors, K.
-const THERMISTOR_BETA_K: f32 = 3435.0;
-/// Pressure inside the joint, Pa (see the board's scales.rs).
-const INSIDE_PA: f64 = 101_325.0;
-/// Range of the strain gauge amplifier, N, around half of the converter's range.
-const FORCE_RANGE_N: f64 = 2000.0;
-
-/// The joint around the chip.
-pub struct JointWorld {
-    stage: Stage,
-    sampled: Measured,
-    sampled_turns: f64,
-    /// Position of the joint's side at the last sample, rad.
-    sampled_rad: f64,
-    is_low_side_on: [bool; 2],
-    state: BoardState,
-    /// Counts of the thermistors of bridge and motor, and the temperatures that they stand for, deg C.
-    thermistors: [(Option<f32>, u16); 2],
-    has_pressure_sensor: bool,
-    wiring: &'static Wiring,
-}
-
-impl JointWorld {
-    fn new(mut stage: Stage, wiring: &'static Wiring) -> Self {
-        if let Some(board) = &mut stage.board {
-            board.set_scales(wiring.currents, wiring.volts_per_count);
-        }
-        let sampled = stage.plant.measure();
-        Self {
-            sampled_turns: stage.plant.motor_turns(),
-            sampled_rad: stage.plant.position_rad(),
-            stage,
-            sampled,
-            is_low_side_on: [true; 2],
-            state: BoardState::default(),
-            thermistors: [(None, 0); 2],
-            has_pressure_sensor: false,
-            wiring,
-        }
-    }
-
-    /// Angle of the motor's shaft, turns, `seconds` after the last sample.
-    fn shaft_turns(&self, seconds: f64) -> f64 {
-        self.sampled_turns + self.stage.plant.motor_turns_in(seconds)
-    }
-
-    fn thermistor(&mut self, place: usize, temperature_c: Option<f32>) -> u16 {
-        let (known, counts) = &mut self.thermistors[place];
-        if *known != temperature_c || *counts == 0 {
-            (*known, *counts) = (temperature_c, thermistor_counts(self.wiring, temperature_c));
-        }
-        *counts
-    }
-}
-
-impl World for JointWorld {
-    fn wiring(&self) -> &'static Wiring {
-        self.wiring
-    }
-
-    fn advance(&mut self, seconds: f64, bridge: Bridge) {
-        let duty = match bridge {
-            Bridge::Driven(duty) if !self.stage.gate_fault => Some(duty),
-            _ => None,
-        };
-        self.stage.run_driven(seconds, duty);
-    }
-
-    fn set_brake_output(&mut self, is_high: bool) {
-        self.stage.plant.energise_brake(is_high);
-    }
-
-    fn sample(&mut self, is_low_side_on: [bool; 2]) {
-        self.sampled = self.stage.plant.measure();
-        self.sampled_turns = self.stage.plant.motor_turns();
-        self.sampled_rad = self.stage.plant.position_rad();
-        if self.stage.phases_swapped {
-            self.sampled.currents_a.swap(1, 2);
-        }
-        self.is_low_side_on = is_low_side_on;
-    }
-
-    fn analog(&mut self, converter: usize, channel: u32) -> u16 {
-        let Some(board) = &self.stage.board else { return 0 };
-        let phases = board.phase_counts(self.sampled.currents_a, self.is_low_side_on);
-        match self.wiring.quantity(converter, channel) {
-            Some(Quantity::Phase(phase)) => phases[phase],
-            Some(Quantity::Bus) => board.bus_counts(self.sampled.bus_v),
-            Some(Quantity::Leak) => counts(self.state.enclosure.leak_share.unwrap_or(1.0).into()),
-            Some(Quantity::Thermistor(place)) => {
-                let state = &self.state;
-                let shown = [state.bridge_temperature_c, state.motor_temperature_c];
-                self.thermistor(place, shown[place])
-            }
-            Some(Quantity::Force) => {
-                counts(0.5 + self.stage.plant.show().radial_force_n / FORCE_RANGE_N)
-            }
-            None => 0,
-        }
-    }
-
-    fn shunts(&mut self) -> [u16; 3] {
-        let Some(board) = &self.stage.board else { return [0; 3] };
-        let inputs = &self.wiring.overcurrent;
-        if let Some(chain) = inputs.chain {
-            // The low side of phase c conducts, as at the top of the PWM.
-            let is_on = [self.is_low_side_on[0], self.is_low_side_on[1], true];
-            let currents_a = self.sampled.currents_a;
-            return std::array::from_fn(|phase| {
-                chain.counts(if is_on[phase] { currents_a[phase] } else { 0.0 })
-            });
-        }
-        let phases = board.phase_counts(self.sampled.currents_a, self.is_low_side_on);
-        let [first, second] = inputs.phases.map(|phase| phases[phase]);
-        [first, second, first.midpoint(second)]
-    }
-
-    fn encoder(&mut self, word: u16, seconds: f64) -> u16 {
-        let advance = self.stage.plant.motor_turns_in(seconds) * ENCODER_COUNTS;
-        let angle = (f64::from(self.sampled.encoder) + advance).round() as i32 as u16;
-        self.stage.board.as_ref().map_or(0xFFFF, |board| board.exchange_encoder_word(word, angle))
-    }
-
-    fn edges(&mut self, seconds: f64) -> Edges {
-        let turns = self.shaft_turns(seconds);
-        let Some(board) = &self.stage.board else { return Edges::default() };
-        let (count, index) = board.edges(turns);
-        Edges { count, index, has_double_edge: false }
-    }
-
-    fn biss_frame(&mut self, seconds: f64) -> Option<u64> {
-        let turns = self.shaft_turns(seconds);
-        self.stage.board.as_ref().and_then(|board| board.serial_frame(turns))
-    }
-
-    fn joint_frame(&mut self, seconds: f64) -> Option<u64> {
-        let position_rad = self.sampled_rad + self.stage.plant.velocity_rad_s() * seconds;
-        self.stage.board.as_ref().and_then(|board| board.output_frame(position_rad))
-    }
-
-    fn hall_levels(&mut self, seconds: f64) -> Option<u8> {
-        let turns = self.shaft_turns(seconds);
-        self.stage.board.as_ref().map(|board| board.hall_levels(turns))
-    }
-
-    fn water(&self) -> Option<Water> {
-        let plant = &self.stage.plant;
-        self.has_pressure_sensor.then(|| Water {
-            pressure_pa: plant.around.pressure_diff_pa + INSIDE_PA,
-            temperature_c: plant.seal.shown_temperature_c(),
-        })
-    }
-
-    fn air(&self) -> Option<HousingAir> {
-        let air = self.state.enclosure.air?;
-        Some(HousingAir {
-            pressure_pa: air.pressure_pa.into(),
-            temperature_c: air.temperature_c.into(),
-            humidity_percent: air.humidity_percent.into(),
-        })
-    }
-
-    fn torque_allowed(&self) -> [bool; 2] {
-        self.state.enclosure.torque_allowed.unwrap_or([true; 2])
-    }
-
-    fn is_touched(&self) -> bool {
-        self.stage.has_touched()
-    }
-
-    fn has_gate_fault(&self) -> bool {
-        self.stage.gate_fault
-    }
-
-    fn set_break_levels(&mut self, levels: BreakLevels) {
-        let inputs = &self.wiring.overcurrent;
-        let chain = inputs.chain.unwrap_or(self.wiring.currents);
-        let levels_a = std::array::from_fn(|signal| {
-            // A positive current lowers the counts. The mean of two phases shows half of their sum.
-            let scale = if signal == 2 && inputs.has_mean { 2.0 } else { 1.0 };
-            let at = inputs.phases.get(signal).copied().unwrap_or(signal);
-            let [below, above] = levels[at].map(|level| level.map(|level| chain.current_a(level)));
-            [
-                above.map_or(f64::NEG_INFINITY, |level_a| scale * level_a),
-                below.map_or(f64::INFINITY, |level_a| scale * level_a),
-            ]
-        });
-        self.stage.plant.set_break_levels(levels_a);
-    }
-
-    fn is_overcurrent(&self) -> bool {
-        self.stage.plant.is_tripped
-    }
-
-    fn clear_break(&mut self) {
-        self.stage.plant.is_tripped = false;
-    }
-
-    fn interrupt_delay(&mut self) -> u32 {
-        match self.stage.interrupts.pop_front().unwrap_or_default() {
-            InterruptTiming::OnTime => 0,
-            InterruptTiming::Late(cycles) => cycles,
-            InterruptTiming::Missed => PERIOD_CYCLES + BLOCK_CYCLES,
-        }
-    }
-}
 
 /// Returns the content of the parameter store of the driver's board with the set of this start.
 ///
@@ -264,32 +48,11 @@ pub fn store_content(start: &PowerUp) -> Result<StoreContent, EmulatorError> {
 }
 
 fn pages_of<const PAGES: usize>(start: &PowerUp) -> Result<StoreContent, EmulatorError> {
-    let mut flash = stored_flash::<PAGES>(start, start.scales.traits)
-        .map_err(|refused| EmulatorError::Set(refused.to_string()))?;
+    let mut flash =
+        stored_flash::<PAGES>(start, start.scales.traits).map_err(EmulatorError::Set)?;
     let mut bytes = vec![0; flash.capacity()];
     flash.read(0, &mut bytes).map_err(EmulatorError::Store)?;
     Ok(StoreContent { bytes, torn: Vec::new() })
-}
-
-/// Returns the converter's counts for a share of its range.
-fn counts(share: f64) -> u16 {
-    (share * 4096.0).round().clamp(0.0, 4095.0) as u16
-}
-
-/// Returns the converter's counts for a temperature, deg C; 25 if it is not given.
-fn thermistor_counts(wiring: &Wiring, temperature_c: Option<f32>) -> u16 {
-    let wanted = temperature_c.unwrap_or(25.0);
-    let (ratio_at_25, is_above) = wiring.thermistor;
-    let thermistor = Thermistor { ratio_at_25, beta_k: THERMISTOR_BETA_K };
-    let is_colder = |counts: u16| thermistor.temperature_c(f32::from(counts) / 4096.0) < wanted;
-    // The temperature changes in one direction with the counts.
-    let (mut low, mut high) = (1u16, 4094u16);
-    let falls = thermistor.temperature_c(0.9) < thermistor.temperature_c(0.1);
-    while low < high {
-        let middle = low.midpoint(high);
-        if is_colder(middle) == falls { high = middle } else { low = middle + 1 }
-    }
-    if is_above { 4096 - low } else { low }
 }
 
 /// Largest use of the stack by any driver of this process, bytes.
@@ -378,7 +141,9 @@ impl BoardDriver {
             ResetCause::Watchdog => reset::WATCHDOG | reset::PIN,
             ResetCause::Software => reset::SOFTWARE | reset::PIN,
             ResetCause::Pin => reset::PIN,
-            _ => reset::POWER | reset::PIN,
+            ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::Unknown => {
+                reset::POWER | reset::PIN
+            }
         });
         let mut machine = Machine::new(image, chip)?;
         if let Some(rise_k) = start.boot.winding_rise_k {
@@ -398,23 +163,29 @@ impl BoardDriver {
             last_state: [0; 3],
             costs: None,
         };
-        for _ in 0..START_TIMEOUT_MS {
-            driver.run(MILLISECOND_CYCLES);
-            if driver.is_reset {
-                return Err(EmulatorError::ResetAtStart);
-            }
-            if driver.stage().applied_duty().is_some() {
-                return Err(EmulatorError::ClosedBridgeAtStart);
-            }
-            if !driver.frames.is_empty() {
-                driver.frames.clear();
-                return Ok(driver);
-            }
-        }
-        Err(EmulatorError::NoBootUp { within_ms: START_TIMEOUT_MS, at: driver.machine.pc() })
+        driver.await_boot_up()?;
+        Ok(driver)
     }
 
-    /// The machine, for measurements.
+    /// Runs the image until its boot-up frame.
+    fn await_boot_up(&mut self) -> Result<(), EmulatorError> {
+        for _ in 0..START_TIMEOUT_MS {
+            self.run(MILLISECOND_CYCLES);
+            if self.is_reset {
+                return Err(EmulatorError::ResetAtStart);
+            }
+            if self.stage().applied_duty().is_some() {
+                return Err(EmulatorError::ClosedBridgeAtStart);
+            }
+            if !self.frames.is_empty() {
+                self.frames.clear();
+                return Ok(());
+            }
+        }
+        Err(EmulatorError::NoBootUp { within_ms: START_TIMEOUT_MS, at: self.machine.pc() })
+    }
+
+    /// Returns the machine, for measurements.
     pub fn machine_mut(&mut self) -> &mut Machine<JointWorld> {
         &mut self.machine
     }
@@ -531,7 +302,6 @@ impl RigDriver for BoardDriver {
         let chip = self.machine.chip_mut();
         chip.world.state = *state;
         let can = state.can;
-        use firmware::supervisor::CanState;
         if can != CanState::Active {
             chip.can.count_errors(can == CanState::Off);
         }
