@@ -6,7 +6,7 @@
 
 use super::bus::BusArguments;
 use super::error::{Refusal, Result};
-use super::values::{Expected, number};
+use super::values::seconds;
 use crate::demo_joint;
 use joint_bus::bus::{Bus, Hub};
 use joint_bus::monitor::plain::{Terminal, run_plain};
@@ -48,10 +48,6 @@ pub struct MonitorArguments {
 enum ViewChoice {
     Plain,
     Paged,
-}
-
-fn seconds(text: &str) -> Result<f64, Expected> {
-    number(text, |seconds| *seconds > 0.0, "a number above 0")
 }
 
 static STOPPED: AtomicBool = AtomicBool::new(false);

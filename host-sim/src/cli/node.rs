@@ -4,13 +4,14 @@ use super::bus::BusArguments;
 use super::error::{Result, in_file, in_part, unfit};
 use super::interrupt;
 use super::output::print_text;
+use super::values::seconds;
 use joint_bus::bus::{BusError, Hub};
 use joint_bus::joint::{JointNode, run_participant};
 use joint_rig::{MotorNode, service};
 use simulated_machines::joint_plant::DrawnJoint;
 use simulated_machines::scenarios::Hide;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Arguments of `node`.
 #[derive(clap::Args)]
@@ -34,7 +35,7 @@ pub struct NodeArguments {
     #[arg(long, value_name = "N", requires = "motor")]
     seed: Option<u64>,
     /// Stop after this time, s; by default at Ctrl-C
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     #[command(flatten)]
     bus: BusArguments,
@@ -99,10 +100,11 @@ fn motor_joint(arguments: &NodeArguments) -> Result<(MotorNode, String)> {
 }
 
 /// Returns a function that is true when the node ends: by Ctrl-C, or after this time, s.
-fn is_over(seconds: Option<f64>) -> Result<impl Fn() -> bool> {
+fn is_over(longest_s: Option<f64>) -> Result<impl Fn() -> bool> {
     let is_interrupted = interrupt::flag()?;
-    let (start, longest) = (Instant::now(), seconds.map(Duration::from_secs_f64));
-    Ok(move || is_interrupted() || longest.is_some_and(|longest| start.elapsed() >= longest))
+    let start = Instant::now();
+    let is_late = move |longest_s| start.elapsed().as_secs_f64() >= longest_s;
+    Ok(move || is_interrupted() || longest_s.is_some_and(is_late))
 }
 
 fn node_result(outcome: Result<(), BusError>) -> Result {

@@ -292,6 +292,7 @@ fn replay_and_node_with_bad_arguments_return_reason() {
 #[test]
 fn params_commission_measure_finds_the_simulated_motor() {
     let with_motor = |arguments: &[&str]| params(&[&["commission", "--motor"], arguments].concat());
+        (&["node", "--seconds=-1"], "above 0"),
     let words = |output: &Output| {
         let both = [output.stdout.as_slice(), output.stderr.as_slice()].concat();
         String::from_utf8(both).expect("text")
