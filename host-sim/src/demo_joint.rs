@@ -14,7 +14,7 @@ use compensator_core::{LawKind, ParameterId, Parameters};
 use joint_bus::bus::{BitRates, Hub, Participant, Port};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
-use joint_bus::replay::{InProcessError, ReplaySetup, set_up};
+use joint_bus::replay::{ReplaySetup, SetupError, set_up};
 use joint_trace::CanFrame;
 use simulated_machines::friction::Seal as TrueSeal;
 use simulated_machines::{Recording, record};
@@ -30,7 +30,7 @@ const PERIOD_S: f64 = 1e-3;
 ///
 /// # Errors
 /// Returns an error if the driver cannot be started or rejects its parameters.
-pub fn start(node: NodeId) -> Result<(Hub, Port), InProcessError> {
+pub fn start(node: NodeId) -> Result<(Hub, Port), SetupError> {
     let hub = Hub::with_bit_rates(BitRates::FASTEST);
     let port = hub.port();
     hub.attach(JointNode::start(node, None)?);

@@ -3,6 +3,7 @@
 use super::CoreJoint;
 use crate::bus::Bus;
 use crate::canopen::{Client, SdoError};
+use crate::joint::JointError;
 use crate::parameters::{ParametersError, read_set, write_set};
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::ParameterError;
@@ -35,6 +36,9 @@ pub struct ReplaySetup {
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the messages name the fields")]
 pub enum SetupError {
+    /// A driver in this process does not start.
+    #[error("driver: {0}")]
+    Start(#[from] JointError),
     /// The driver refuses or does not answer.
     #[error(transparent)]
     Sdo(#[from] SdoError),
