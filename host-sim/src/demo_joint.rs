@@ -46,14 +46,16 @@ pub fn start(node: NodeId) -> Result<(Hub, Port), SetupError> {
     set_up(&mut Client::new(hub.port(), node), node, &setup)?;
     let log = truth.log();
     let samples = log.runs.iter().enumerate().flat_map(|(number, run)| {
+        let names =
+            ["velocity_rad_s", "position_rad", "torque_nm", "radial_force_n", "pressure_diff_pa"];
+        let columns = names.map(|name| log.column(run, name).expect("the simulated joint logs it"));
         (0..run.rows()).map(move |row| {
-            let at = |name: &str| log.column(run, name).map_or(0.0, |of| of[row] as f32);
-            let (velocity_rad_s, position_rad) = (at("velocity_rad_s"), at("position_rad"));
-            let (radial_force_n, pressure_diff_pa) = (at("radial_force_n"), at("pressure_diff_pa"));
+            let [velocity_rad_s, position_rad, torque_nm, radial_force_n, pressure_diff_pa] =
+                columns.map(|column| column[row] as f32);
             RecordedSample {
                 new_run: (row == 0).then_some(number as u32 + 1),
                 motion: MotionFrame { velocity_rad_s, position_rad },
-                torque: TorqueFrame { torque_nm: at("torque_nm"), load_torque_nm: f32::NAN },
+                torque: TorqueFrame { torque_nm, load_torque_nm: f32::NAN },
                 seal: SealFrame { radial_force_n, pressure_diff_pa },
             }
         })
