@@ -1,13 +1,13 @@
 //! A CANopen client that reads and writes the objects of a node, over any bus.
 //!
 //! `canopen-rs` codes the frames. Its own client is limited to values of 64 bytes, and a parameter record is larger, so
-//! the client is implemented here. Other frames that arrive while an answer is awaited are kept for
-//! [`Client::next_other_frame`]. Long values travel in blocks: [`Client::write_blocks`], [`Client::read_blocks`].
+//! the client is implemented here. Other frames that arrive while an answer is awaited are dropped. Long values travel in
+//! blocks: [`Client::write_blocks`], [`Client::read_blocks`].
 
 mod block;
 mod unlock;
 
-use crate::bus::{Bus, BusError, Received};
+use crate::bus::{Bus, BusError};
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_download_response, decode_download_segment_response,
@@ -19,7 +19,6 @@ use firmware::access::Key;
 use firmware::node::dictionary::{Object, index};
 use firmware::refusal::Explained;
 use joint_trace::CanFrame;
-use std::collections::VecDeque;
 use std::time::Duration;
 use unlock::LOCKED;
 
@@ -27,9 +26,6 @@ pub use unlock::{KEY_VARIABLE, KeyFileError, key_of, read_key};
 
 /// Time limit for the answer of a node.
 pub const ANSWER_TIMEOUT: Duration = Duration::from_millis(1000);
-
-/// Maximum number of other frames kept while an answer is awaited. The oldest are dropped.
-const MAX_OTHER_FRAMES: usize = 4096;
 
 /// Error of reading or writing an object; its message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -108,14 +104,13 @@ fn abort_words(code: u32) -> &'static str {
 pub struct Client<B> {
     bus: B,
     node: NodeId,
-    other_frames: VecDeque<Received>,
     key: Key,
 }
 
 impl<B: Bus> Client<B> {
     /// Creates a client of this node. It unlocks a locked node with the default key.
     pub fn new(bus: B, node: NodeId) -> Self {
-        Self { bus, node, other_frames: VecDeque::new(), key: Key::DEFAULT }
+        Self { bus, node, key: Key::DEFAULT }
     }
 
     /// Unlocks a locked node with this key.
@@ -129,14 +124,9 @@ impl<B: Bus> Client<B> {
         &mut self.bus
     }
 
-    /// Returns the bus. Kept frames are discarded.
+    /// Returns the bus.
     pub fn into_bus(self) -> B {
         self.bus
-    }
-
-    /// Returns the next kept frame, which arrived while an answer was awaited.
-    pub fn next_other_frame(&mut self) -> Option<Received> {
-        self.other_frames.pop_front()
     }
 
     /// Sends a network command (CiA 301, 7.2.8.2) to this node.
@@ -304,7 +294,7 @@ impl<B: Bus> Client<B> {
         }
     }
 
-    /// Waits for a frame of the node's server that `is_expected`. Keeps all other frames.
+    /// Waits for a frame of the node's server that `is_expected`. Drops all other frames.
     fn receive_answer(
         &mut self,
         timeout: Duration,
@@ -319,10 +309,6 @@ impl<B: Bus> Client<B> {
             if let Some(data) = data.filter(&is_expected) {
                 return Ok(Some(data));
             }
-            if self.other_frames.len() == MAX_OTHER_FRAMES {
-                self.other_frames.pop_front();
-            }
-            self.other_frames.push_back(received);
         }
         Ok(None)
     }

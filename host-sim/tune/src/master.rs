@@ -404,7 +404,6 @@ impl<B: Bus> Master<B> {
 
     /// Starts the cycles at the present bus time, after a time without them.
     fn resynchronise(&mut self) {
-        while self.client.next_other_frame().is_some() {}
         let now_ns = self.client.bus().now_ns();
         (self.due_ns, self.reported_ns) = (now_ns, now_ns);
     }
