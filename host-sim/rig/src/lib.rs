@@ -39,8 +39,9 @@ pub use node::{JointEvent, MotorNode};
 pub use simulated_machines::joint_plant::SerialFault;
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
 
+use canopen_rs::Address;
 use compensator_core::can::{
-    CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame,
+    CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame, cob_id,
 };
 use faults::DelayLine;
 use firmware::background::{BoardState, TICK_US};
@@ -51,9 +52,10 @@ use firmware::driver::{Boot, Device, Driver};
 use firmware::loop_link::LoopQueues;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::InputsObject;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::CodeSet;
-use joint_bus::canopen::Client;
+use joint_bus::canopen::{Client, download_request};
 use joint_trace::CanFrame;
 use simulated_machines::joint_plant::JointPlant;
 use std::collections::VecDeque;
@@ -292,11 +294,8 @@ impl JointRig<'_> {
             self.line.send(Message::Seal(NODE, seal).emit());
             // The driver measures its own torque, so the load goes to it as an object and not in a Torque frame.
             if self.milliseconds.is_multiple_of(LOAD_INTERVAL_MS) {
-                self.line.send(sdo_download(
-                    index::INPUTS,
-                    4,
-                    (shown.load_torque_nm as f32).to_le_bytes(),
-                ));
+                let load_nm = (shown.load_torque_nm as f32).to_le_bytes();
+                self.line.send(sdo_download(index::INPUTS, InputsObject::LOAD_TORQUE, &load_nm));
             }
         }
         if self.milliseconds.is_multiple_of(TEMPERATURE_INTERVAL_MS) {
@@ -408,26 +407,20 @@ impl JointRig<'_> {
         std::mem::take(&mut self.received.answers)
     }
 
-    /// Delivers a frame to the driver without delay.
+    /// Delivers a frame of up to eight bytes to the driver without delay.
     pub fn send_immediately(&mut self, identifier: u16, data: &[u8]) {
-        if let Some(frame) = Frame::new(identifier, data) {
-            self.driver.receive(&frame);
-        }
+        let frame = Frame::new(identifier, data).expect("11 bits and at most eight bytes");
+        self.driver.receive(&frame);
     }
 
     /// Writes an object of four bytes.
     pub fn write_object(&mut self, index: u16, sub_index: u8, value: [u8; 4]) {
-        let frame = sdo_download(index, sub_index, value);
-        self.driver.receive(&frame);
+        self.driver.receive(&sdo_download(index, sub_index, &value));
     }
 
     /// Writes an object of one byte.
     pub fn write_object_byte(&mut self, index: u16, sub_index: u8, value: u8) {
-        let [low, high] = index.to_le_bytes();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x2F, low, high, sub_index, value, 0, 0, 0],
-        );
+        self.driver.receive(&sdo_download(index, sub_index, &[value]));
     }
 
     /// Reads an object of at most four bytes, which takes some milliseconds. Returns `None` if there is no answer, or the
@@ -435,10 +428,7 @@ impl JointRig<'_> {
     pub fn read_object(&mut self, index: u16, sub_index: u8) -> Option<u32> {
         let [low, high] = index.to_le_bytes();
         self.received.answers.clear();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x40, low, high, sub_index, 0, 0, 0, 0],
-        );
+        self.send_immediately(SDO_REQUEST, &[0x40, low, high, sub_index, 0, 0, 0, 0]);
         (0..ANSWER_TIMEOUT_MS).find_map(|_| {
             self.step_idle();
             self.received.answers.iter().find_map(|frame| match *frame.data() {
@@ -488,11 +478,11 @@ impl Received {
     }
 }
 
-/// Returns the frame of an expedited download of four bytes.
-fn sdo_download(index: u16, sub_index: u8, value: [u8; 4]) -> Frame {
-    let [low, high] = index.to_le_bytes();
-    let [a, b, c, d] = value;
-    let identifier = 0x600 + u16::from(NODE.number());
-    Frame::new(identifier, &[0x23, low, high, sub_index, a, b, c, d])
-        .unwrap_or_else(|| Message::Sync(SyncFrame::of(0)).emit())
+/// Identifier of the requests to the node's objects.
+const SDO_REQUEST: u16 = cob_id::SDO_REQUEST + NODE.number() as u16;
+
+/// Returns the frame that writes an object of one to four bytes.
+fn sdo_download(index: u16, sub_index: u8, value: &[u8]) -> Frame {
+    let request = download_request(Address::new(index, sub_index), value);
+    Frame::new(SDO_REQUEST, &request).expect("11 bits and eight bytes")
 }
