@@ -171,7 +171,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode> {
     };
     let report = ReplayReport::new(about, &plan, played);
     let json = pretty(&report)?;
-    arguments.output.write(&[("replay.json", json.as_str())])?;
+    arguments.output.write(&[("replay.json", json.as_bytes())])?;
     print_result(arguments.output.json, &report, &report.text())?;
     if report.holds {
         disarmed?;
