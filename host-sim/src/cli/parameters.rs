@@ -34,6 +34,7 @@ use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;
 use friction_fit::params::{self, ParameterFile};
 use friction_results::loop_cost::late_loop_warning;
+use friction_results::tune::TuneParameter;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::parameters::{read_set, write_set};
@@ -466,7 +467,8 @@ impl Driver {
             self.store(index::STORE, SAVE_SIGNATURE)?;
         }
         let of_set = differences(&before, &set);
-        changed.extend(of_set.into_iter().map(|(name, from, to)| format!("{name} {from} -> {to}")));
+        let words = |of: TuneParameter| format!("{} {} -> {}", of.name, of.before, of.after);
+        changed.extend(of_set.into_iter().map(words));
         let changed = match changed.len() {
             0 => "nothing changed".to_owned(),
             1..=MAX_LISTED_CHANGES => changed.join(", "),
@@ -485,13 +487,13 @@ impl Driver {
         let lines = differences(&has, &wants);
         let rows: Vec<_> = lines
             .iter()
-            .map(|(name, has, wants)| json!({"name": name, "driver": has, "file": wants}))
+            .map(|of| json!({"name": of.name, "driver": of.before, "file": of.after}))
             .collect();
         let text: String = match lines.is_empty() {
             true => format!("no difference from {}\n", path.display()),
             false => lines
                 .iter()
-                .map(|(name, has, wants)| format!("{name}: driver {has}, file {wants}\n"))
+                .map(|of| format!("{}: driver {}, file {}\n", of.name, of.before, of.after))
                 .collect(),
         };
         print_result(json, &rows, &text)?;

@@ -206,7 +206,8 @@ fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), Str
     } else {
         let baseline = session.recordings.first();
         let errors = baseline.map(|(recording, _)| truth.scored(recording).scores);
-        let errors = errors.map_or([f64::NAN; 2], |scores| [scores[0], scores[1]]);
+        let errors = errors.map(|scores| [scores.reversal_error_rad, scores.tracking_rms_rad]);
+        let errors = errors.unwrap_or([f64::NAN; 2]);
         ([[0.0; 3]; 2], [errors; 2])
     };
     let grade = Grade {

@@ -1,6 +1,7 @@
 //! The rival: a feed-forward by a table over speed, fitted to the same recordings.
 
 use super::Stand;
+use super::stand::performed;
 use compensator_core::TermKind;
 use firmware::parameter_set::ParameterSet;
 use friction_fit::spec::Spec;
@@ -8,7 +9,6 @@ use friction_fit::{FitOptions, Rows, identify_robustly};
 use joint_tuning::Session;
 use joint_tuning::motion::{Motion, standard};
 use joint_tuning::score::score;
-use joint_tuning::session::performed;
 use joint_tuning::trial_set::TunedSet;
 
 /// Static laws over speed, as a table has them: the better one on held-out runs is used.
@@ -69,7 +69,12 @@ impl Rival {
                 .map_err(|error| error.to_string())?;
             let truth = stand.truth().scored(&recording).scores;
             let shown = score(&recording, 1.0).scores;
-            Ok([truth[0], truth[1], shown[0], shown[1]])
+            Ok([
+                truth.reversal_error_rad,
+                truth.tracking_rms_rad,
+                shown.reversal_error_rad,
+                shown.tracking_rms_rad,
+            ])
         };
         let mut screened = Vec::new();
         for tuned in &self.candidates {

@@ -7,6 +7,8 @@ use canopen_rs::Address;
 use compensator_core::adaptation::{Frozen, Gains, MAX_GAINS};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
+use friction_results::tune::TuneParameter;
+use joint_bus::parameters::read_set;
 use joint_tuning::names::differences;
 use serde_json::json;
 use std::process::ExitCode;
@@ -60,7 +62,7 @@ impl Driver {
 
     /// Shows what the joint learnt beside its set. Exit code 1 if it differs.
     pub(super) fn diff_learnt(&mut self, json: bool) -> Result<ExitCode> {
-        let set = self.read_set()?;
+        let set = read_set(&mut self.client)?;
         let gains = Gains::from_array(&self.reals(index::LEARNT_GAINS)?);
         let deviations = self.reals(index::GAIN_DEVIATIONS)?;
         let state = self.number(index::ADAPTATION, AdaptationObject::FROZEN)?;
@@ -80,9 +82,9 @@ impl Driver {
             text += &format!("gain on {name}: {gain:.3} +- {deviation:.3}\n");
             gains.push(json!({"name": name, "gain": gain, "std_deviation": deviation}));
         }
-        for (name, set, learnt) in &lines {
-            text += &format!("{name}: set {set}, learnt {learnt}\n");
-            rows.push(json!({"name": name, "set": set, "learnt": learnt}));
+        for TuneParameter { name, before, after } in &lines {
+            text += &format!("{name}: set {before}, learnt {after}\n");
+            rows.push(json!({"name": name, "set": before, "learnt": after}));
         }
         let document = json!({"state": state, "learnt_s": learnt_s, "age_s": age_s, "gains": gains, "differences": rows});
         print_result(json, &document, &text)?;

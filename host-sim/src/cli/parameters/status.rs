@@ -6,7 +6,7 @@ use compensator_core::TermKind;
 use compensator_core::term::MAX_TERMS;
 use firmware::node::dictionary::records::NetworkObject;
 use firmware::node::dictionary::{FRAME_COUNTERS, index};
-use joint_tuning::master::code_names;
+use joint_bus::codes::{FIRST_FAULT, FIRST_LIMIT, code_names};
 use serde_json::json;
 
 /// State of the network (object 200Bh).
@@ -84,8 +84,8 @@ impl Driver {
         .map(&mut text);
         let (name, hardware, software, panic) = (name?, hardware?, software?, panic?);
         let state = self.state()?;
-        let faults = code_names(self.number(index::STATE, 3)?, 1);
-        let limits = code_names(self.number(index::STATE, 4)?, 33);
+        let faults = code_names(self.number(index::STATE, 3)?, FIRST_FAULT);
+        let limits = code_names(self.number(index::STATE, 4)?, FIRST_LIMIT);
         let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
         let number = if self.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" };
         let crc = self.number(index::COMMIT, 1)?;
@@ -112,7 +112,7 @@ impl Driver {
             "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
             "last_refusal": refusal, "counters": counters,
         });
-        let list = |codes: &[&str]| {
+        let list = |codes: &[String]| {
             if codes.is_empty() { "none".to_owned() } else { codes.join(", ") }
         };
         let mut out = format!(
