@@ -37,6 +37,7 @@ use friction_results::loop_cost::late_loop_warning;
 use friction_results::tune::TuneParameter;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
+use joint_bus::codes::ReportedState;
 use joint_bus::parameters::{read_set, write_set};
 use joint_log::JointKind;
 use joint_rig::MotorNode;
@@ -70,8 +71,8 @@ struct GlobalBus {
     #[arg(long, global = true)]
     motor: bool,
     /// Node number of the joint driver
-    #[arg(long, value_name = "N", default_value_t = 1, global = true, value_parser = clap::value_parser!(u8).range(1..=127))]
-    node_id: u8,
+    #[arg(long, value_name = "N", default_value = "1", global = true, value_parser = super::bus::node)]
+    node_id: NodeId,
     /// Bit rate for an slcan adapter, bit/s
     #[arg(long, value_name = "BIT/S", default_value = "1000000", global = true, value_parser = super::bus::bit_rate, hide_short_help = true)]
     bit_rate: BitRate,
@@ -178,7 +179,7 @@ pub fn run(arguments: &ParamsArguments) -> Result<ExitCode> {
         ActionResult::Printed(code) => Ok(code),
         ActionResult::Done(done) => {
             let text = if arguments.json {
-                json!({"node": arguments.bus.node_id, "bus": bus.bus.to_string(), "done": done})
+                json!({"node": bus.node_id.number(), "bus": bus.bus.to_string(), "done": done})
                     .to_string()
             } else {
                 format!("{name}: {done}")
@@ -190,7 +191,6 @@ pub fn run(arguments: &ParamsArguments) -> Result<ExitCode> {
 
 /// Checks the arguments and returns those of the bus. A friction run records the bus to its trace.
 fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments> {
-    let node_id = NodeId::new(arguments.bus.node_id).unwrap_or(NodeId::FIRST);
     let bus = arguments.bus.bus.clone().ok_or_else(|| {
         let reason = "expected a SocketCAN interface such as can0, slcan:PATH, slcan:HOST:PORT, or loop (a \
          driver in this process that ends with it)";
@@ -203,8 +203,8 @@ fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments> {
         }
         _ => None,
     };
-    let key = arguments.bus.key.clone();
-    Ok(BusArguments { bus, node_id, bit_rate: arguments.bus.bit_rate, record, key })
+    let GlobalBus { node_id, bit_rate, key, .. } = &arguments.bus;
+    Ok(BusArguments { bus, node_id: *node_id, bit_rate: *bit_rate, record, key: key.clone() })
 }
 
 /// Result of an action.
@@ -318,18 +318,8 @@ impl Driver {
         Ok(self.client.read_number(Address::new(at_index, place))?)
     }
 
-    /// Reads the active parameter set. Staged values that were not committed are discarded.
-    fn read_set(&mut self) -> Result<ParameterSet> {
-        Ok(read_set(&mut self.client)?)
-    }
-
-    /// Stages a whole set and commits it. Returns its CRC.
-    fn commit(&mut self, set: &ParameterSet) -> Result<u32> {
-        Ok(write_set(&mut self.client, set)?)
-    }
-
     fn get(&mut self, names: &[String], network: Option<&Path>, json: bool) -> Result {
-        let set = self.read_set()?;
+        let set = read_set(&mut self.client)?;
         let joint = self.joint_kind()?;
         let beside = match (&set.network, network) {
             (Some(has), Some(path)) => Some(network::write(has, joint, path)?),
@@ -406,7 +396,7 @@ impl Driver {
 
     /// Sets parameters from `NAME=VALUE` items and files. Returns a summary of the changes.
     fn set(&mut self, what: &[String], save: bool, taken: &CompensatedArguments) -> Result<String> {
-        let before = self.read_set()?;
+        let before = read_set(&mut self.client)?;
         let mut set = before.clone();
         let (mut settings, mut orders) = (Vec::new(), Vec::new());
         let mut items = what.iter();
@@ -455,8 +445,11 @@ impl Driver {
             eprintln!("warning: {late}");
         }
         // A set is committed only if one was given: a commit discards what was learnt.
-        let mut active =
-            if set == before { self.number(index::COMMIT, 1)? } else { self.commit(&set)? };
+        let mut active = if set == before {
+            self.number(index::COMMIT, 1)?
+        } else {
+            write_set(&mut self.client, &set)?
+        };
         let changes = settings.iter().map(|change| self.change_drive(change));
         let mut changed = changes.collect::<Result<Vec<String>>>()?;
         for (order, name) in orders {
@@ -479,7 +472,7 @@ impl Driver {
     }
 
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode> {
-        let has = self.read_set()?;
+        let has = read_set(&mut self.client)?;
         let mut wants = has.clone();
         let file = self.read_file(path)?;
         let network = for_driver(&file).map_err(in_part(path.display()))?;
@@ -511,16 +504,11 @@ impl Driver {
             let remedies = remedies(&refused.to_string());
             NotRequested { refused, remedies }
         })?;
-        self.state().map(str::to_owned)
+        self.state()
     }
 
-    fn state(&mut self) -> Result<&'static str> {
-        Ok(match self.number(index::STATE, 2)? {
-            0 => "safe",
-            1 => "armed",
-            2 => "fault",
-            _ => "unknown",
-        })
+    fn state(&mut self) -> Result<String> {
+        Ok(ReportedState::from_number(self.number(index::STATE, 2)?).name().to_lowercase())
     }
 }
 

@@ -169,6 +169,7 @@ mod tests {
     use joint_bus::bus::{Bus, Hub};
     use joint_bus::canopen::Client;
     use joint_bus::joint::JointNode;
+    use joint_bus::parameters::{read_set, write_set};
 
     #[test]
     fn terms_of_a_driver_are_live_only_with_their_inputs() {
@@ -177,10 +178,10 @@ mod tests {
         let bus: Box<dyn Bus> = Box::new(hub.port());
         let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
         assert!(driver.terms().expect("it answers").is_empty());
-        let mut set = driver.read_set().expect("its set");
+        let mut set = read_set(&mut driver.client).expect("its set");
         set.friction.model.add_term(TermKind::PressureCoulomb);
         set.friction.model.add_term(TermKind::QuadraticDrag);
-        driver.commit(&set).expect("it is valid");
+        write_set(&mut driver.client, &set).expect("it is valid");
         let terms = driver.terms().expect("it answers");
         assert_eq!(terms, [(TermKind::PressureCoulomb, false), (TermKind::QuadraticDrag, true)]);
         let text = terms_in_words(&terms);
@@ -198,10 +199,10 @@ mod tests {
         let bus: Box<dyn Bus> = Box::new(hub.port());
         let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
         assert!(driver.network().expect("it answers").is_none());
-        let mut set = driver.read_set().expect("its set");
+        let mut set = read_set(&mut driver.client).expect("its set");
         set.friction.model = reference::parameters();
         set.network = Some(reference::joint());
-        driver.commit(&set).expect("it is valid");
+        write_set(&mut driver.client, &set).expect("it is valid");
         let text = driver.network().expect("it answers").expect("it has one").in_words();
         // The network has not been evaluated, so all factors are 1.
         assert!(text.contains("100 %") && text.matches("x 1.000").count() == 3, "{text}");

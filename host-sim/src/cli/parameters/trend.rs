@@ -7,6 +7,7 @@ use firmware::node::dictionary::index;
 use firmware::store::{TIME_UNIT_S, TrendEntry};
 use friction_results::level_trend::{LevelEntry, LevelTrend, MIN_ENTRIES, SCHEMA, robust_slope};
 use joint_bus::canopen::SdoError;
+use joint_bus::parameters::read_set;
 use joint_log::number::significant;
 use std::path::Path;
 
@@ -33,7 +34,7 @@ impl Driver {
 
     fn read_trend(&mut self) -> Result<LevelTrend> {
         let unit = self.joint_kind()?.torque_unit().to_owned();
-        let set = self.read_set()?;
+        let set = read_set(&mut self.client)?;
         let terms: Vec<&str> = set.friction.model.terms.iter().map(|kind| kind.name()).collect();
         let bytes = match self.client.read_blocks(Address::new(index::LEVEL_TREND, 0), |_| ()) {
             Ok(bytes) => bytes,
