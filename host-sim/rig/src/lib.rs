@@ -49,7 +49,6 @@ use firmware::compact;
 use firmware::control::PERIOD_S;
 use firmware::drive_settings::DriveSettings;
 use firmware::driver::{Boot, Device, Driver};
-use firmware::loop_link::LoopQueues;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::InputsObject;
@@ -97,8 +96,8 @@ pub struct MasterView {
 }
 
 /// A driver connected to a simulated joint.
-pub struct JointRig<'q> {
-    driver: Box<dyn RigDriver + 'q>,
+pub struct JointRig {
+    driver: Box<dyn RigDriver>,
     faults: RigFaults,
     line: DelayLine,
     /// Last values of a stuck seal sensor: side load, N, and pressure, Pa.
@@ -177,9 +176,7 @@ pub fn run_from_power_up<R>(
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, RigError> {
-    let mut queues = LoopQueues::new();
-    start_driver::<Device<RigFlash>>(&mut queues, start, plant, faults)
-        .map(|mut rig| work(&mut rig))
+    start_driver::<Device<RigFlash>>(start, plant, faults).map(|mut rig| work(&mut rig))
 }
 
 /// Starts a compact node as [`run_from_power_up`] starts the whole driver.
@@ -192,9 +189,7 @@ pub fn run_compact_from_power_up<R>(
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, RigError> {
-    let mut queues = LoopQueues::new();
-    start_driver::<compact::Device<RigFlash>>(&mut queues, start, plant, faults)
-        .map(|mut rig| work(&mut rig))
+    start_driver::<compact::Device<RigFlash>>(start, plant, faults).map(|mut rig| work(&mut rig))
 }
 
 /// Returns the stage of a start: the plant, with the sensors of the driver's board if they are simulated.
@@ -208,22 +203,21 @@ pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFau
     stage
 }
 
-/// Starts the library as driver from power-up, connected through these queues.
-fn start_driver<'q, N: RigJoint + 'q>(
-    queues: &'q mut LoopQueues,
+/// Starts the library as driver from power-up.
+fn start_driver<N: RigJoint + 'static>(
     start: &PowerUp,
     plant: JointPlant,
     faults: RigFaults,
-) -> Result<JointRig<'q>, RigError> {
+) -> Result<JointRig, RigError> {
     let traits = if start.board { start.scales.traits } else { StageTraits::NONE };
     let stage = stage_at_power_up(start, plant, &faults);
-    let driver = LibraryDriver::<N>::start(queues, start, traits, stage)?;
+    let driver = LibraryDriver::<N>::start(start, traits, stage)?;
     Ok(JointRig::new(Box::new(driver), faults))
 }
 
-impl<'q> JointRig<'q> {
+impl JointRig {
     /// Connects a driver that has started, and waits until its observer has settled.
-    pub fn new(driver: Box<dyn RigDriver + 'q>, faults: RigFaults) -> Self {
+    pub fn new(driver: Box<dyn RigDriver>, faults: RigFaults) -> Self {
         let line = DelayLine::new(&faults);
         let mut rig = Self {
             driver,
@@ -240,9 +234,7 @@ impl<'q> JointRig<'q> {
         (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
         rig
     }
-}
 
-impl JointRig<'_> {
     /// Starts the node, sets the joint position, and arms the driver at 0 A.
     ///
     /// # Errors
