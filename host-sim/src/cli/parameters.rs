@@ -12,7 +12,6 @@ mod commission;
 mod drive;
 mod friction_run;
 mod measure;
-
 mod status;
 mod trend;
 
