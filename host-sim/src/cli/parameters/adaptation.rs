@@ -1,4 +1,7 @@
 //! The adaptation of the friction levels: its mode, its orders, and what it learnt beside the set.
+//!
+//! While it is on, the joint learns gains on the level, on viscous friction and on the terms of its set. The set itself stays
+//! until the order `adopt` multiplies it by them. `diff --learnt` shows both.
 
 use super::drive::Change;
 use super::{Driver, Result, print_result};

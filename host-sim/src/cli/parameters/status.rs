@@ -1,4 +1,6 @@
 //! `params status`: shows the identity and the state of a driver.
+//!
+//! Every value is read on its own, so they are of slightly different times. A term is live if its input is valid now.
 
 use super::{Driver, Result, print_result};
 use canopen_rs::Address;

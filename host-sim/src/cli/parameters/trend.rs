@@ -1,4 +1,7 @@
 //! The stored trend of the learnt levels (2047h): a table, a file, and the change of the level.
+//!
+//! A level that changes over hours of sliding tells of wear before the joint fails. The slope over the entries is robust, so
+//! that a single one does not decide.
 
 use super::{Driver, Result, print_result};
 use crate::cli::output::write_file;
