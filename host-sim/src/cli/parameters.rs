@@ -173,19 +173,7 @@ pub fn run(arguments: &ParamsArguments) -> Result<ExitCode> {
         bus.hub_with_driver()?
     };
     let mut driver = Driver { client: bus.client(bus.open(&hub)?)? };
-    let name = bus.joint_name();
-    match run_action(&mut driver, arguments, &name, bus.record.as_deref())? {
-        ActionResult::Printed(code) => Ok(code),
-        ActionResult::Done(done) => {
-            let text = if arguments.json {
-                json!({"node": bus.node_id.number(), "bus": bus.bus.to_string(), "done": done})
-                    .to_string()
-            } else {
-                format!("{name}: {done}")
-            };
-            print_text(&(text + "\n")).map(|()| ExitCode::SUCCESS)
-        }
-    }
+    run_action(&mut driver, arguments, &bus)
 }
 
 /// Checks the arguments and returns those of the bus. A friction run records the bus to its trace.
@@ -206,33 +194,23 @@ fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments> {
     Ok(BusArguments { bus, node_id: *node_id, bit_rate: *bit_rate, record, key: key.clone() })
 }
 
-/// Result of an action.
-enum ActionResult {
-    /// The action printed its own output.
-    Printed(ExitCode),
-    /// One line that states what was done, still to be printed.
-    Done(String),
-}
-
-/// Runs the action. `name` is the driver's name in messages, `trace` the file of a friction run.
+/// Runs the action and prints its result, or in one line what was done.
 fn run_action(
     driver: &mut Driver,
     arguments: &ParamsArguments,
-    name: &str,
-    trace: Option<&Path>,
-) -> Result<ActionResult> {
-    let json = arguments.json;
-    let printed = |()| ActionResult::Printed(ExitCode::SUCCESS);
+    bus: &BusArguments,
+) -> Result<ExitCode> {
+    let (json, name, trace) = (arguments.json, &bus.joint_name(), bus.record.as_deref());
+    let printed = |()| ExitCode::SUCCESS;
     let done = match &arguments.action {
         Action::Get { names, network } => {
             return driver.get(names, network.as_deref(), json).map(printed);
         }
         Action::Diff { file, .. } => {
-            let code = match file {
+            return match file {
                 Some(file) => driver.diff(file, json),
                 None => driver.diff_learnt(json),
             };
-            return code.map(ActionResult::Printed);
         }
         Action::Trend { write } => return driver.trend(write.as_deref(), json).map(printed),
         Action::Status => return driver.status(json).map(printed),
@@ -261,7 +239,7 @@ fn run_action(
             if let Some(trace) = trace {
                 driver.friction_run(measure, name, trace, json)?;
             }
-            return Ok(ActionResult::Printed(ExitCode::SUCCESS));
+            return Ok(ExitCode::SUCCESS);
         }
         Action::Commission { confirm, .. } => {
             return driver.commission(*confirm, json).map(printed);
@@ -271,7 +249,12 @@ fn run_action(
             "restart command sent".to_owned()
         }
     };
-    Ok(ActionResult::Done(done))
+    let text = if json {
+        json!({"node": bus.node_id.number(), "bus": bus.bus.to_string(), "done": done}).to_string()
+    } else {
+        format!("{name}: {done}")
+    };
+    print_text(&(text + "\n")).map(printed)
 }
 
 /// Maximum number of changes that are listed by name.
@@ -405,32 +388,16 @@ impl Driver {
                 None if item == adaptation::ITEM => Some(items.next().map_or("", String::as_str)),
                 _ => None,
             };
-            match adapt.map(adaptation::parse).transpose()? {
-                Some(adaptation::Request::Mode(change)) => settings.push(change),
-                Some(adaptation::Request::Order(order, name)) => orders.push((order, name)),
-                None => {}
-            }
-            if adapt.is_some() {
-                continue;
-            }
-            match item.split_once('=') {
-                Some((name, value)) => match drive::parse(name.trim(), value.trim())? {
+            match (adapt, item.split_once('=')) {
+                (Some(word), _) => match adaptation::parse(word)? {
+                    adaptation::Request::Mode(change) => settings.push(change),
+                    adaptation::Request::Order(order, name) => orders.push((order, name)),
+                },
+                (None, Some((name, value))) => match drive::parse(name.trim(), value.trim())? {
                     Some(change) => settings.push(change),
                     None => put(&mut set, name.trim(), value.trim())?,
                 },
-                None if !Path::new(item).exists() => {
-                    let reason = "No such file; expected a parameter file or NAME=VALUE";
-                    return Err(unfit(item, reason));
-                }
-                None => {
-                    let mut file = self.read_file(Path::new(item))?;
-                    taken.apply(&mut file);
-                    if let Some(left_out) = file.left_out_in_words() {
-                        eprintln!("note: {}", text_in_options(&left_out));
-                    }
-                    let network = for_driver(&file).map_err(in_part(item))?;
-                    driver_file::apply(&file, network, &mut set);
-                }
+                (None, None) => self.take_file(item, taken, &mut set)?,
             }
         }
         // The driver runs the same check. Here the error uses the file's names, and the driver stays unchanged.
@@ -444,17 +411,15 @@ impl Driver {
             eprintln!("warning: {late}");
         }
         // A set is committed only if one was given: a commit discards what was learnt.
-        let mut active = if set == before {
-            self.number(index::COMMIT, 1)?
-        } else {
-            write_set(&mut self.client, &set)?
-        };
+        if set != before {
+            write_set(&mut self.client, &set)?;
+        }
         let changes = settings.iter().map(|change| self.change_drive(change));
         let mut changed = changes.collect::<Result<Vec<String>>>()?;
         for (order, name) in orders {
             changed.push(self.order_adaptation(order, name)?);
-            active = self.number(index::COMMIT, 1)?;
         }
+        let active = self.number(index::COMMIT, 1)?;
         if save {
             self.store(index::STORE, SAVE_SIGNATURE)?;
         }
@@ -468,6 +433,27 @@ impl Driver {
         };
         let kept = if save { "saved" } else { "not saved: lost at a reset" };
         Ok(format!("{changed} (crc {active:08x}, {kept})"))
+    }
+
+    /// Applies a parameter file to a set.
+    fn take_file(
+        &mut self,
+        item: &str,
+        taken: &CompensatedArguments,
+        set: &mut ParameterSet,
+    ) -> Result {
+        let path = Path::new(item);
+        if !path.exists() {
+            return Err(unfit(item, "No such file; expected a parameter file or NAME=VALUE"));
+        }
+        let mut file = self.read_file(path)?;
+        taken.apply(&mut file);
+        if let Some(left_out) = file.left_out_in_words() {
+            eprintln!("note: {}", text_in_options(&left_out));
+        }
+        let network = for_driver(&file).map_err(in_part(item))?;
+        driver_file::apply(&file, network, set);
+        Ok(())
     }
 
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode> {

@@ -5,7 +5,7 @@
 //! orders the test (2030h), waits for its end and prints its result. Exit code 1 means that the brake was not found to hold:
 //! it slipped, or the test has no result.
 
-use super::{ActionResult, Driver, Result, print_result};
+use super::{Driver, Result, print_result};
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::HoldingBrakeObject;
@@ -83,14 +83,14 @@ impl Driver {
     }
 
     /// Tests the brake. The exit code is 1 if it was not found to hold.
-    pub(super) fn brake_test(&mut self, name: &str, json: bool) -> Result<ActionResult> {
+    pub(super) fn brake_test(&mut self, name: &str, json: bool) -> Result<ExitCode> {
         let test = self.request_brake_test()?;
         let [forwards, back] = test.ways_rad;
         let document = json!({
             "result": test.name(), "way_forwards_rad": forwards, "way_back_rad": back,
         });
         print_result(json, &document, &format!("{name}: {}\n", test.in_words()))?;
-        Ok(ActionResult::Printed(ExitCode::from(u8::from(test.result != HELD))))
+        Ok(ExitCode::from(u8::from(test.result != HELD)))
     }
 }
 
