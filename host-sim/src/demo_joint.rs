@@ -14,7 +14,7 @@ use compensator_core::{LawKind, ParameterId, Parameters};
 use joint_bus::bus::{BitRates, Hub, Participant, Port};
 use joint_bus::canopen::Client;
 use joint_bus::joint::JointNode;
-use joint_bus::replay::{InProcessError, ReplaySetup, set_up};
+use joint_bus::replay::{ReplaySetup, SetupError, set_up};
 use joint_trace::CanFrame;
 use simulated_machines::friction::Seal as TrueSeal;
 use simulated_machines::{Recording, record};
@@ -30,7 +30,7 @@ const PERIOD_S: f64 = 1e-3;
 ///
 /// # Errors
 /// Returns an error if the driver cannot be started or rejects its parameters.
-pub fn start(node: NodeId) -> Result<(Hub, Port), InProcessError> {
+pub fn start(node: NodeId) -> Result<(Hub, Port), SetupError> {
     let hub = Hub::with_bit_rates(BitRates::FASTEST);
     let port = hub.port();
     hub.attach(JointNode::start(node, None)?);
@@ -46,14 +46,16 @@ pub fn start(node: NodeId) -> Result<(Hub, Port), InProcessError> {
     set_up(&mut Client::new(hub.port(), node), node, &setup)?;
     let log = truth.log();
     let samples = log.runs.iter().enumerate().flat_map(|(number, run)| {
+        let names =
+            ["velocity_rad_s", "position_rad", "torque_nm", "radial_force_n", "pressure_diff_pa"];
+        let columns = names.map(|name| log.column(run, name).expect("the simulated joint logs it"));
         (0..run.rows()).map(move |row| {
-            let at = |name: &str| log.column(run, name).map_or(0.0, |of| of[row] as f32);
-            let (velocity_rad_s, position_rad) = (at("velocity_rad_s"), at("position_rad"));
-            let (radial_force_n, pressure_diff_pa) = (at("radial_force_n"), at("pressure_diff_pa"));
+            let [velocity_rad_s, position_rad, torque_nm, radial_force_n, pressure_diff_pa] =
+                columns.map(|column| column[row] as f32);
             RecordedSample {
                 new_run: (row == 0).then_some(number as u32 + 1),
                 motion: MotionFrame { velocity_rad_s, position_rad },
-                torque: TorqueFrame { torque_nm: at("torque_nm"), load_torque_nm: f32::NAN },
+                torque: TorqueFrame { torque_nm, load_torque_nm: f32::NAN },
                 seal: SealFrame { radial_force_n, pressure_diff_pa },
             }
         })

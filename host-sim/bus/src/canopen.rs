@@ -1,13 +1,13 @@
 //! A CANopen client that reads and writes the objects of a node, over any bus.
 //!
 //! `canopen-rs` codes the frames. Its own client is limited to values of 64 bytes, and a parameter record is larger, so
-//! the client is implemented here. Other frames that arrive while an answer is awaited are kept for
-//! [`Client::next_other_frame`]. Long values travel in blocks: [`Client::write_blocks`], [`Client::read_blocks`].
+//! the client is implemented here. Other frames that arrive while an answer is awaited are dropped. Long values travel in
+//! blocks: [`Client::write_blocks`], [`Client::read_blocks`].
 
 mod block;
 mod unlock;
 
-use crate::bus::{Bus, BusError, Received};
+use crate::bus::{Bus, BusError};
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_download_response, decode_download_segment_response,
@@ -19,7 +19,6 @@ use firmware::access::Key;
 use firmware::node::dictionary::{Object, index};
 use firmware::refusal::Explained;
 use joint_trace::CanFrame;
-use std::collections::VecDeque;
 use std::time::Duration;
 use unlock::LOCKED;
 
@@ -27,9 +26,6 @@ pub use unlock::{KEY_VARIABLE, KeyFileError, key_of, read_key};
 
 /// Time limit for the answer of a node.
 pub const ANSWER_TIMEOUT: Duration = Duration::from_millis(1000);
-
-/// Maximum number of other frames kept while an answer is awaited. The oldest are dropped.
-const MAX_OTHER_FRAMES: usize = 4096;
 
 /// Error of reading or writing an object; its message is one line.
 #[derive(Debug, thiserror::Error)]
@@ -108,14 +104,13 @@ fn abort_words(code: u32) -> &'static str {
 pub struct Client<B> {
     bus: B,
     node: NodeId,
-    other_frames: VecDeque<Received>,
     key: Key,
 }
 
 impl<B: Bus> Client<B> {
     /// Creates a client of this node. It unlocks a locked node with the default key.
     pub fn new(bus: B, node: NodeId) -> Self {
-        Self { bus, node, other_frames: VecDeque::new(), key: Key::DEFAULT }
+        Self { bus, node, key: Key::DEFAULT }
     }
 
     /// Unlocks a locked node with this key.
@@ -129,14 +124,9 @@ impl<B: Bus> Client<B> {
         &mut self.bus
     }
 
-    /// Returns the bus. Kept frames are discarded.
+    /// Returns the bus.
     pub fn into_bus(self) -> B {
         self.bus
-    }
-
-    /// Returns the next kept frame, which arrived while an answer was awaited.
-    pub fn next_other_frame(&mut self) -> Option<Received> {
-        self.other_frames.pop_front()
     }
 
     /// Sends a network command (CiA 301, 7.2.8.2) to this node.
@@ -144,11 +134,8 @@ impl<B: Bus> Client<B> {
     /// # Errors
     /// Returns the error of [`Bus::send`].
     pub fn command(&mut self, command: canopen_rs::NmtCommand) -> Result<(), BusError> {
-        let data = [command as u8, self.node.number()];
-        match Frame::new(0, &data) {
-            Some(frame) => self.bus.send(&frame.into()),
-            None => Ok(()),
-        }
+        let frame = Frame::new(0, &[command as u8, self.node.number()]).expect("a short frame");
+        self.bus.send(&frame.into())
     }
 
     /// Reads a value.
@@ -162,10 +149,8 @@ impl<B: Bus> Client<B> {
 
     fn upload(&mut self, at: Address) -> Result<Vec<u8>, SdoError> {
         let answer = self.exchange(at, encode_upload_request(at))?;
-        // Expedited transfer: the answer holds the value, with or without its size.
-        if answer[0] & 0xE2 == 0x42 {
-            let unused = if answer[0] & 1 != 0 { usize::from(answer[0] >> 2 & 3) } else { 0 };
-            return Ok(answer[4..8 - unused].to_vec());
+        if let Some(value) = expedited(&answer) {
+            return Ok(value.to_vec());
         }
         let (_, length) =
             decode_upload_initiate_segmented_response(&answer).map_err(|_| self.protocol(at))?;
@@ -201,12 +186,7 @@ impl<B: Bus> Client<B> {
 
     fn download(&mut self, at: Address, value: &[u8]) -> Result<(), SdoError> {
         if (1..=4).contains(&value.len()) {
-            let mut request = [0; 8];
-            request[0] = 0x23 | ((4 - value.len()) as u8) << 2;
-            request[1..3].copy_from_slice(&at.index.to_le_bytes());
-            request[3] = at.subindex;
-            request[4..4 + value.len()].copy_from_slice(value);
-            let answer = self.exchange(at, request)?;
+            let answer = self.exchange(at, download_request(at, value))?;
             return decode_download_response(&answer).map(|_| ()).map_err(|_| self.protocol(at));
         }
         let begin = encode_download_initiate_segmented(at, value.len() as u32);
@@ -233,11 +213,9 @@ impl<B: Bus> Client<B> {
     pub fn read_number(&mut self, at: Address) -> Result<u32, SdoError> {
         let value = self.read(at)?;
         let mut word = [0; 4];
-        let place = word.get_mut(..value.len()).ok_or_else(|| SdoError::Length {
-            object: name(at),
-            found: value.len(),
-            expected: 4,
-        })?;
+        let place = word.get_mut(..value.len()).filter(|place| !place.is_empty());
+        let (found, expected) = (value.len(), 4);
+        let place = place.ok_or_else(|| SdoError::Length { object: name(at), found, expected })?;
         place.copy_from_slice(&value);
         Ok(u32::from_le_bytes(word))
     }
@@ -297,14 +275,12 @@ impl<B: Bus> Client<B> {
     }
 
     fn send_request(&mut self, request: [u8; 8]) -> Result<(), SdoError> {
-        let number = u16::from(self.node.number());
-        match Frame::new(cob_id::SDO_REQUEST + number, &request) {
-            Some(frame) => Ok(self.bus.send(&CanFrame::from(frame))?),
-            None => Err(self.silent()),
-        }
+        let identifier = cob_id::SDO_REQUEST + u16::from(self.node.number());
+        let frame = Frame::new(identifier, &request).expect("an identifier of 11 bits");
+        Ok(self.bus.send(&CanFrame::from(frame))?)
     }
 
-    /// Waits for a frame of the node's server that `is_expected`. Keeps all other frames.
+    /// Waits for a frame of the node's server that `is_expected`. Drops all other frames.
     fn receive_answer(
         &mut self,
         timeout: Duration,
@@ -319,10 +295,6 @@ impl<B: Bus> Client<B> {
             if let Some(data) = data.filter(&is_expected) {
                 return Ok(Some(data));
             }
-            if self.other_frames.len() == MAX_OTHER_FRAMES {
-                self.other_frames.pop_front();
-            }
-            self.other_frames.push_back(received);
         }
         Ok(None)
     }
@@ -334,6 +306,20 @@ impl<B: Bus> Client<B> {
     fn protocol(&self, at: Address) -> SdoError {
         SdoError::Protocol { object: name(at), node: self.node.number() }
     }
+}
+
+/// Returns the request that writes one to four bytes in an expedited transfer (CiA 301, 7.2.4.3.3).
+pub fn download_request(at: Address, value: &[u8]) -> [u8; 8] {
+    let [low, high] = at.index.to_le_bytes();
+    let mut request = [0x23 | ((4 - value.len()) as u8) << 2, low, high, at.subindex, 0, 0, 0, 0];
+    request[4..4 + value.len()].copy_from_slice(value);
+    request
+}
+
+/// Returns the value of an upload whose answer holds it, with or without its size; `None` for a transfer in segments.
+pub(crate) fn expedited(answer: &[u8; 8]) -> Option<&[u8]> {
+    let unused = if answer[0] & 1 != 0 { usize::from(answer[0] >> 2 & 3) } else { 0 };
+    answer.get(4..8 - unused).filter(|_| answer[0] & 0xE2 == 0x42)
 }
 
 /// Returns true if a frame can be the answer to this request, not one to another tool on the bus. The first answer of a

@@ -20,13 +20,30 @@ use std::{fs, io};
 /// Flash pages: two slots of two pages each.
 const FLASH_PAGES: usize = 4;
 
+/// Length of the file of a flash, bytes.
+const FLASH_BYTES: usize = FLASH_PAGES * PAGE_BYTES;
+
 /// Tick period of the driver, ns.
 const TICK_NS: u64 = 1000 * TICK_US;
 
+/// Error of a driver on this PC; its message is one line.
+#[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages name the fields")]
+pub enum JointError {
+    /// The file of the flash cannot be read or written.
+    #[error("{path}: {source}")]
+    Flash { path: PathBuf, source: io::Error },
+    /// The file has another length than a flash.
+    #[error("{path}: {found} bytes, expected {FLASH_BYTES}: not the flash of a driver")]
+    Length { path: PathBuf, found: usize },
+    /// Error of the bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
 /// A joint driver on this PC.
 pub struct JointNode {
-    /// `None` only during a restart.
-    background: Option<Background<Device<MemoryFlash<FLASH_PAGES>>>>,
+    background: Background<Device<MemoryFlash<FLASH_PAGES>>>,
     defaults: NodeSettings,
     file: Option<PathBuf>,
     /// Contents of the flash file.
@@ -62,34 +79,30 @@ impl JointNode {
     ///
     /// # Errors
     /// Returns an error if the file cannot be read or does not have the size of a driver's flash.
-    pub fn start(node: NodeId, file: Option<&Path>) -> io::Result<Self> {
+    pub fn start(node: NodeId, file: Option<&Path>) -> Result<Self, JointError> {
         let mut flash = MemoryFlash::<FLASH_PAGES>::new();
         let mut written = image(&flash);
         if let Some(path) = file {
             match fs::read(path) {
-                Ok(bytes) if bytes.len() == FLASH_PAGES * PAGE_BYTES => {
+                Ok(bytes) if bytes.len() == FLASH_BYTES => {
                     flash.restore(&bytes);
                     written = bytes;
                 }
                 Ok(bytes) => {
-                    let (found, expected) = (bytes.len(), FLASH_PAGES * PAGE_BYTES);
-                    let why =
-                        format!("{found} bytes, expected {expected}: not the flash of a driver");
-                    return Err(io::Error::new(io::ErrorKind::InvalidData, why));
+                    return Err(JointError::Length { path: path.into(), found: bytes.len() });
                 }
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-                Err(error) => return Err(error),
+                Err(source) => return Err(JointError::Flash { path: path.into(), source }),
             }
         }
         let defaults = defaults(node);
-        let background = Some(start_background(defaults, flash, &Boot::default(), 0));
-        let file = file.map(Path::to_path_buf);
-        Ok(Self { background, defaults, file, written, restarts: 0 })
+        let background = start_background(defaults, flash, &Boot::default(), 0);
+        Ok(Self { background, defaults, file: file.map(Into::into), written, restarts: 0 })
     }
 
     /// Returns the driver, for inspection.
-    pub fn driver(&self) -> Option<&Driver<MemoryFlash<FLASH_PAGES>>> {
-        self.background.as_ref().map(Background::node)
+    pub fn driver(&self) -> &Driver<MemoryFlash<FLASH_PAGES>> {
+        self.background.node()
     }
 
     /// Returns the number of restarts over the bus.
@@ -105,36 +118,37 @@ impl JointNode {
         &mut self,
         bus: &mut dyn Bus,
         mut is_over: impl FnMut(&Self) -> bool,
-    ) -> Result<(), BusError> {
+    ) -> Result<(), JointError> {
         run_participant(self, bus, |node, ticked| {
             if ticked {
-                node.save_flash().map_err(BusError::Record)?;
+                node.save_flash()?;
             }
             Ok(is_over(node))
         })
     }
 
     /// Writes the flash to its file if it has changed.
-    fn save_flash(&mut self) -> io::Result<()> {
-        let (Some(path), Some(driver)) = (&self.file, self.driver()) else { return Ok(()) };
-        let now = image(driver.joint.flash());
+    fn save_flash(&mut self) -> Result<(), JointError> {
+        let Some(path) = &self.file else { return Ok(()) };
+        let now = image(self.driver().joint.flash());
         if now != self.written {
             let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
-            io::Write::write_all(&mut file, &now)?;
-            file.persist(path).map_err(|error| error.error)?;
+            let replace = || {
+                let mut file = tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new(".")))?;
+                io::Write::write_all(&mut file, &now)?;
+                file.persist(path).map_err(|error| error.error)
+            };
+            replace().map_err(|source| JointError::Flash { path: path.clone(), source })?;
             self.written = now;
         }
         Ok(())
     }
 
     fn restart_if_asked(&mut self, now_ns: u64) {
-        if self.driver().is_some_and(Driver::is_reset_requested)
-            && let Some(background) = self.background.take()
-        {
+        if self.driver().is_reset_requested() {
             let boot = Boot { cause: ResetCause::Software, ..Boot::default() };
-            let (flash, now_us) = (background.into_node().joint.into_flash(), now_ns / 1000);
-            self.background = Some(start_background(self.defaults, flash, &boot, now_us));
+            let (flash, now_us) = (self.driver().joint.flash().clone(), now_ns / 1000);
+            self.background = start_background(self.defaults, flash, &boot, now_us);
             self.restarts += 1;
         }
     }
@@ -148,8 +162,8 @@ impl JointNode {
 pub fn run_participant<P: Participant>(
     node: &mut P,
     bus: &mut dyn Bus,
-    mut is_over: impl FnMut(&mut P, bool) -> Result<bool, BusError>,
-) -> Result<(), BusError> {
+    mut is_over: impl FnMut(&mut P, bool) -> Result<bool, JointError>,
+) -> Result<(), JointError> {
     let start_ns = bus.now_ns();
     let (mut now_ns, mut due_ns) = (start_ns, start_ns);
     loop {
@@ -194,21 +208,19 @@ fn image(flash: &MemoryFlash<FLASH_PAGES>) -> Vec<u8> {
 impl Participant for JointNode {
     fn receive(&mut self, frame: &CanFrame, now_ns: u64) {
         // The driver's CAN controller accepts classic data frames with 11-bit identifiers only.
-        if let (Some(frame), Some(background)) = (frame.to_joint(), &mut self.background) {
-            background.node_mut().receive(&frame, now_ns / 1000);
+        if let Some(frame) = frame.to_joint() {
+            self.background.node_mut().receive(&frame, now_ns / 1000);
         }
         self.restart_if_asked(now_ns);
     }
 
     fn tick(&mut self, now_ns: u64) -> Option<u64> {
-        if let Some(background) = &mut self.background {
-            background.tick(&BoardState::default(), None, now_ns / 1000);
-        }
+        self.background.tick(&BoardState::default(), None, now_ns / 1000);
         Some(now_ns + TICK_NS)
     }
 
     fn transmit(&mut self) -> Option<CanFrame> {
-        let node = self.background.as_mut()?.node_mut();
+        let node = self.background.node_mut();
         if let Some(telemetry) = node.transmit_fd_if(|_| true) {
             return Some(telemetry.into());
         }

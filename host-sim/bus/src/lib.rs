@@ -3,6 +3,7 @@
 //! ```text
 //! bus (a hub in virtual time, SocketCAN, slcan; each with an optional recorder and fault injector)
 //!  ├─ canopen     reads and writes the objects of a joint
+//!  ├─ codes       names the faults and limits of a joint
 //!  ├─ parameters  reads and writes the complete parameter set of a joint
 //!  ├─ program     signs programs and updates a joint with them
 //!  ├─ joint       runs a joint: the firmware's driver on a bus
@@ -22,6 +23,7 @@ mod snapshot;
 
 pub mod bus;
 pub mod canopen;
+pub mod codes;
 pub mod joint;
 pub mod monitor;
 pub mod parameters;

@@ -55,7 +55,8 @@ pub enum MonitorError {
 
 /// A monitoring session of one joint.
 pub struct Session {
-    joint: JointView,
+    /// What the session has received.
+    pub joint: JointView,
     sdo_poller: SdoPoller,
     start_ns: u64,
     /// Bus time at the last step, ns.
@@ -67,16 +68,6 @@ impl Session {
     pub fn new(node: NodeId, listen: bool, start_ns: u64) -> Self {
         let (joint, sdo_poller) = (JointView::new(node, start_ns), SdoPoller::new(node, listen));
         Self { joint, sdo_poller, start_ns, now_ns: start_ns }
-    }
-
-    /// Sets the bit rate for the bus load, bit/s. The default is 1 Mbit/s.
-    pub fn set_bit_rate(&mut self, bit_rate: u32) {
-        self.joint.set_bit_rate(bit_rate);
-    }
-
-    /// Sets the name of the bus for the commands that have missing frames sent.
-    pub fn set_bus(&mut self, name: &str) {
-        self.joint.set_bus(name);
     }
 
     /// Receives frames for 20 ms, and sends the pending requests.
@@ -95,12 +86,9 @@ impl Session {
                 if self.joint.receive(&received) {
                     self.sdo_poller.wake(now_ns);
                 }
-                let joints = received.frame.to_joint();
-                if let Some(reply) =
-                    joints.and_then(|frame| self.sdo_poller.receive(&frame, now_ns))
-                {
-                    self.joint.on_reply(reply, now_ns);
-                }
+                let frame = received.frame.to_joint();
+                let reply = frame.and_then(|frame| self.sdo_poller.receive(&frame, now_ns));
+                reply.into_iter().for_each(|reply| self.joint.on_reply(reply, now_ns));
             }
             // Ends even if frames arrive continuously.
             if now_ns >= until_ns {
@@ -122,7 +110,7 @@ impl Session {
         let Some(frame) = frame.map(CanFrame::from) else { return Ok(()) };
         match bus.send(&frame) {
             Ok(()) => {
-                self.joint.sent(now_ns, &frame);
+                self.joint.count(now_ns, &frame);
                 Ok(())
             }
             // No node acknowledges. Receiving is still possible.
@@ -145,14 +133,9 @@ impl Session {
         self.joint.view(self.now_ns, lens)
     }
 
-    /// Resets the minimum and maximum of each value.
-    pub fn reset_ranges(&mut self) {
-        self.joint.reset_ranges();
-    }
-
     /// Sends a request of the user to the joint at the next step.
     pub fn request(&mut self, request: Request) {
-        self.joint.requested(request, self.now_ns);
+        self.joint.log(self.now_ns, EventKind::Note, format!("{}: requested", request.name()));
         self.sdo_poller.request(request);
     }
 
@@ -183,8 +166,8 @@ pub fn run_lines(
         }
         // After a pause of the process, the missed lines are not printed.
         due_ns = due_ns.max(session.now_ns.saturating_sub(JSON_PERIOD_NS)) + JSON_PERIOD_NS;
-        let events = (session.joint.event_count() - events_printed) as usize;
-        events_printed = session.joint.event_count();
+        let events = (session.joint.event_count - events_printed) as usize;
+        events_printed = session.joint.event_count;
         let ranges: [_; Quantity::ALL.len()] = session.joint.take_line_ranges();
         let view = session.joint.view(session.now_ns, &Lens { window_s: 1.0, columns: 0, events });
         let line = view.json(name, &ranges).to_string() + "\n";

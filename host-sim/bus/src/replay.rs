@@ -24,7 +24,7 @@ pub mod setup;
 
 pub use check::{Check, Tally};
 pub use core_joint::CoreJoint;
-pub use in_process::{InProcessError, in_process};
+pub use in_process::in_process;
 pub use plan::{Plan, PlanError};
 pub use play::{PlayResult, Rate, play};
 pub use report::ReplayReport;

@@ -13,6 +13,12 @@ use firmware::node::dictionary::records::ScopeObject;
 use firmware::scope::{MAX_SIGNALS, ScopeState, Signal, TRIGGER_FAULT};
 use std::time::Duration;
 
+/// States of a capture on the bus.
+const FILLING: u32 = ScopeState::Filling as u32;
+const WAITING: u32 = ScopeState::Waiting as u32;
+const COMPLETE: u32 = ScopeState::Complete as u32;
+const FAILED: u32 = ScopeState::Failed as u32;
+
 /// Time between two looks at the state.
 const POLL_PERIOD: Duration = Duration::from_millis(20);
 
@@ -71,9 +77,6 @@ pub enum ScopeError {
     /// An object was not read or written.
     #[error(transparent)]
     Object(#[from] SdoError),
-    /// The bus failed.
-    #[error(transparent)]
-    Bus(#[from] crate::bus::BusError),
     /// The trigger did not occur.
     #[error("no trigger within {0:.1} s; check --trigger, or wait longer by --timeout")]
     NoTrigger(f64),
@@ -86,6 +89,15 @@ pub enum ScopeError {
     /// Rows were lost twice.
     #[error("the joint lost rows of the capture; record fewer signals, or less often")]
     Lost,
+    /// The joint does not record any more.
+    #[error("the joint has ended the capture: a reset, or another tool")]
+    Ended,
+    /// The rows do not fit together.
+    #[error(
+        "the joint sent {bytes} bytes with the trigger in row {trigger_row}, expected rows of {row_bytes}"
+    )]
+    #[expect(missing_docs, reason = "the message names the fields")]
+    Rows { bytes: usize, trigger_row: usize, row_bytes: usize },
     /// The caller asked to stop.
     #[error("stopped")]
     Stopped,
@@ -152,22 +164,19 @@ fn wait<B: Bus>(
     // The whole memory at this rate, and some time for the joint to begin.
     let values = client.read_number(at(ScopeObject::MEMORY_VALUES))?;
     let longest_s = f64::from(values) * request.period_s() + 0.5;
+    let timeout_s = request.timeout.as_secs_f64();
     loop {
-        client.bus().discard_within(POLL_PERIOD)?;
-        while client.next_other_frame().is_some() {}
+        client.bus().discard_within(POLL_PERIOD).map_err(SdoError::from)?;
         let elapsed_s = (client.bus().now_ns() - begin_ns) as f64 * 1e-9;
-        match client.read_number(at(ScopeObject::STATE))? as u8 {
-            state if state == ScopeState::Complete as u8 => return Ok(ScopeState::Complete),
-            state if state == ScopeState::Failed as u8 => return Ok(ScopeState::Failed),
-            state if state == ScopeState::Filling as u8 && elapsed_s > longest_s => {
-                return Err(ScopeError::NoRows);
+        match client.read_number(at(ScopeObject::STATE))? {
+            COMPLETE => return Ok(ScopeState::Complete),
+            FAILED => return Ok(ScopeState::Failed),
+            FILLING if elapsed_s > longest_s => return Err(ScopeError::NoRows),
+            WAITING if elapsed_s > longest_s + timeout_s => {
+                return Err(ScopeError::NoTrigger(timeout_s));
             }
-            state
-                if state == ScopeState::Waiting as u8
-                    && elapsed_s > longest_s + request.timeout.as_secs_f64() =>
-            {
-                return Err(ScopeError::NoTrigger(request.timeout.as_secs_f64()));
-            }
+            // The rows after the trigger follow, unless the joint was reset.
+            _ if elapsed_s > 2.0 * longest_s + timeout_s => return Err(ScopeError::Ended),
             _ => {}
         }
         if is_stopped() {
@@ -179,8 +188,17 @@ fn wait<B: Bus>(
 fn read<B: Bus>(client: &mut Client<B>, signals: usize) -> Result<Capture, ScopeError> {
     let trigger_row = client.read_number(at(ScopeObject::TRIGGER_ROW))? as usize;
     let bytes = client.read_blocks(at(ScopeObject::DATA), |_| ())?;
-    let values: Vec<f64> =
-        bytes.as_chunks::<4>().0.iter().map(|word| f64::from(f32::from_le_bytes(*word))).collect();
+    columns(&bytes, signals, trigger_row)
+}
+
+/// Returns the columns of rows of this number of signals.
+fn columns(bytes: &[u8], signals: usize, trigger_row: usize) -> Result<Capture, ScopeError> {
+    let row_bytes = 4 * signals;
+    if !bytes.len().is_multiple_of(row_bytes) || trigger_row * row_bytes >= bytes.len() {
+        return Err(ScopeError::Rows { bytes: bytes.len(), trigger_row, row_bytes });
+    }
+    let words = bytes.as_chunks::<4>().0.iter();
+    let values: Vec<f64> = words.map(|word| f64::from(f32::from_le_bytes(*word))).collect();
     let column = |place: usize| values.iter().skip(place).step_by(signals).copied().collect();
     Ok(Capture { columns: (0..signals).map(column).collect(), trigger_row })
 }
@@ -191,6 +209,17 @@ mod tests {
     use crate::bus::Hub;
     use crate::joint::JointNode;
     use compensator_core::can::NodeId;
+
+    #[test]
+    fn columns_of_rows_that_do_not_fit_are_refused() {
+        let bytes: Vec<u8> = [1.0f32, 2.0, 3.0, 4.0].map(f32::to_le_bytes).concat();
+        let capture = columns(&bytes, 2, 1).expect("two rows");
+        assert_eq!(capture.columns, [[1.0, 3.0], [2.0, 4.0]]);
+        for (bytes, trigger_row) in [(&bytes[..12], 0), (&bytes[..15], 0), (&bytes[..], 2)] {
+            let error = columns(bytes, 2, trigger_row).expect_err("no whole rows");
+            assert!(matches!(error, ScopeError::Rows { .. }), "{error}");
+        }
+    }
 
     #[test]
     fn capture_of_a_joint_without_memory_reports_it() {

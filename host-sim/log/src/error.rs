@@ -98,7 +98,7 @@ pub enum DataError {
         /// The suggested pairs for them, a part of what was expected.
         pairs: Box<str>,
         /// The contract names of the missing columns.
-        missing: Vec<String>,
+        missing: Box<[&'static str]>,
         /// Number of columns of the file.
         count: usize,
     },

@@ -245,7 +245,7 @@ pub(super) fn no_header(file: &Path, sets: &[impl fmt::Display], count: usize) -
              shows them"
         ),
         pairs: format!("{pairs} with the number of each column").into(),
-        missing: Vec::new(),
+        missing: Box::default(),
         count,
     }
 }

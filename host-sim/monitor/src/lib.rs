@@ -100,7 +100,7 @@ fn execute(session: &mut Session, action: Option<Action>, controls: &mut Control
                 Some(_) => None,
             };
         }
-        Some(Action::ResetRanges) => session.reset_ranges(),
+        Some(Action::ResetRanges) => session.joint.reset_ranges(),
         Some(Action::Request(request)) => session.request(request),
         Some(Action::Quit | Action::Redraw) | None => {}
     }

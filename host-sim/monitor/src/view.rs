@@ -128,7 +128,7 @@ fn draw_log(frame: &mut Frame, view: &View, controls: &Controls, setting: &Setti
     if area.height == 0 {
         return;
     }
-    let unit = if setting.epoch { "UTC" } else { "s" };
+    let unit = if setting.demo { "s" } else { "UTC" };
     let back = controls.scroll.min(view.events.len().saturating_sub(1));
     let scrolled = if back > 0 { format!(", {back} lines back (End)") } else { String::new() };
     let count = view.emergencies;

@@ -10,15 +10,15 @@ use joint_trace::CanFrame;
 use std::collections::VecDeque;
 
 /// A port on the bus of a rig.
-pub struct RigBus<'r, 'q> {
-    rig: &'r mut JointRig<'q>,
+pub struct RigBus<'r> {
+    rig: &'r mut JointRig,
     received: VecDeque<Received>,
     counters: Counters,
 }
 
-impl<'r, 'q> RigBus<'r, 'q> {
+impl<'r> RigBus<'r> {
     /// Opens a port on this rig's bus and drops answers that no client has read.
-    pub fn new(rig: &'r mut JointRig<'q>) -> Self {
+    pub fn new(rig: &'r mut JointRig) -> Self {
         rig.received.answers.clear();
         Self { rig, received: VecDeque::new(), counters: Counters::default() }
     }
@@ -32,7 +32,7 @@ impl<'r, 'q> RigBus<'r, 'q> {
     }
 }
 
-impl Bus for RigBus<'_, '_> {
+impl Bus for RigBus<'_> {
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         let what = "a frame that is not a classic CAN frame with an 11-bit identifier";
         let frame =

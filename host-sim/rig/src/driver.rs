@@ -139,12 +139,13 @@ impl RigJoint for compact::Device<RigFlash> {
     }
 }
 
-/// The firmware's library as driver: background loop, queues and interrupt in this process.
-pub struct LibraryDriver<'q, N = Device<RigFlash>> {
+/// The firmware's library as driver: background loop, queues and interrupt in this process. It keeps the queues and the
+/// memory of the scope of each start as long as a board would: for ever.
+pub struct LibraryDriver<N = Device<RigFlash>> {
     background: Background<N>,
     task: LoopTask,
-    port: LoopPort<'q>,
-    link: LoopLink<'q>,
+    port: LoopPort<'static>,
+    link: LoopLink<'static>,
     stage: Stage,
     identity: Identity,
     now_us: u64,
@@ -175,27 +176,26 @@ fn start_node<N: RigJoint>(
 ) -> Background<N> {
     let node = JointNode::boot(NodeSettings::default(), flash, identity, boot, now_us);
     let mut background = Background::new(node, now_us);
-    // The driver keeps this memory as long as a board would: for ever.
     let scope = Box::leak(Box::new([0.0; SCOPE_VALUES]));
     background.equip(Equipment { sends_fd: true, scope: Some(scope), seed: None });
     background
 }
 
-impl<'q, N: RigJoint> LibraryDriver<'q, N> {
+/// Returns both ends of the queues between interrupt and background of a start.
+fn connected(traits: StageTraits, now_us: u64) -> (LoopPort<'static>, LoopLink<'static>) {
+    Box::leak(Box::new(LoopQueues::new())).split(traits, now_us)
+}
+
+impl<N: RigJoint> LibraryDriver<N> {
     /// Starts a driver on this stage.
     ///
     /// # Errors
     /// Returns one line if the set is rejected.
-    pub fn start(
-        queues: &'q mut LoopQueues,
-        start: &PowerUp,
-        traits: StageTraits,
-        stage: Stage,
-    ) -> Result<Self, RigError> {
+    pub fn start(start: &PowerUp, traits: StageTraits, stage: Stage) -> Result<Self, RigError> {
         let flash = stored_flash(start, traits)?;
         let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
         let mut background: Background<N> = start_node(flash, identity, &start.boot, 0);
-        let (port, link) = queues.split(traits, 0);
+        let (port, link) = connected(traits, 0);
         let task = background.loop_task(LIMITS);
         let mut driver = Self {
             background,
@@ -239,7 +239,7 @@ impl<'q, N: RigJoint> LibraryDriver<'q, N> {
     }
 }
 
-impl<N: RigJoint> RigDriver for LibraryDriver<'_, N> {
+impl<N: RigJoint> RigDriver for LibraryDriver<N> {
     fn stage(&self) -> &Stage {
         &self.stage
     }
@@ -327,9 +327,7 @@ impl<N: RigJoint> RigDriver for LibraryDriver<'_, N> {
         };
         let flash = previous.flash().clone();
         self.background = start_node(flash, self.identity, &boot, self.now_us);
-        // As the scope's memory, the queues of a start are kept for ever.
-        let queues: &'static mut LoopQueues = Box::leak(Box::new(LoopQueues::new()));
-        (self.port, self.link) = queues.split(self.identity.stage, self.now_us);
+        (self.port, self.link) = connected(self.identity.stage, self.now_us);
         self.task = self.background.loop_task(LIMITS);
         if let Some(board) = &mut self.stage.board {
             board.restart_encoder(self.background.start_values());

@@ -39,8 +39,9 @@ pub use node::{JointEvent, MotorNode};
 pub use simulated_machines::joint_plant::SerialFault;
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
 
+use canopen_rs::Address;
 use compensator_core::can::{
-    CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame,
+    CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame, cob_id,
 };
 use faults::DelayLine;
 use firmware::background::{BoardState, TICK_US};
@@ -48,12 +49,12 @@ use firmware::compact;
 use firmware::control::PERIOD_S;
 use firmware::drive_settings::DriveSettings;
 use firmware::driver::{Boot, Device, Driver};
-use firmware::loop_link::LoopQueues;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::InputsObject;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::CodeSet;
-use joint_bus::canopen::Client;
+use joint_bus::canopen::{Client, download_request};
 use joint_trace::CanFrame;
 use simulated_machines::joint_plant::JointPlant;
 use std::collections::VecDeque;
@@ -95,8 +96,8 @@ pub struct MasterView {
 }
 
 /// A driver connected to a simulated joint.
-pub struct JointRig<'q> {
-    driver: Box<dyn RigDriver + 'q>,
+pub struct JointRig {
+    driver: Box<dyn RigDriver>,
     faults: RigFaults,
     line: DelayLine,
     /// Last values of a stuck seal sensor: side load, N, and pressure, Pa.
@@ -175,9 +176,7 @@ pub fn run_from_power_up<R>(
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, RigError> {
-    let mut queues = LoopQueues::new();
-    start_driver::<Device<RigFlash>>(&mut queues, start, plant, faults)
-        .map(|mut rig| work(&mut rig))
+    start_driver::<Device<RigFlash>>(start, plant, faults).map(|mut rig| work(&mut rig))
 }
 
 /// Starts a compact node as [`run_from_power_up`] starts the whole driver.
@@ -190,9 +189,7 @@ pub fn run_compact_from_power_up<R>(
     faults: RigFaults,
     work: impl FnOnce(&mut JointRig) -> R,
 ) -> Result<R, RigError> {
-    let mut queues = LoopQueues::new();
-    start_driver::<compact::Device<RigFlash>>(&mut queues, start, plant, faults)
-        .map(|mut rig| work(&mut rig))
+    start_driver::<compact::Device<RigFlash>>(start, plant, faults).map(|mut rig| work(&mut rig))
 }
 
 /// Returns the stage of a start: the plant, with the sensors of the driver's board if they are simulated.
@@ -206,22 +203,21 @@ pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFau
     stage
 }
 
-/// Starts the library as driver from power-up, connected through these queues.
-fn start_driver<'q, N: RigJoint + 'q>(
-    queues: &'q mut LoopQueues,
+/// Starts the library as driver from power-up.
+fn start_driver<N: RigJoint + 'static>(
     start: &PowerUp,
     plant: JointPlant,
     faults: RigFaults,
-) -> Result<JointRig<'q>, RigError> {
+) -> Result<JointRig, RigError> {
     let traits = if start.board { start.scales.traits } else { StageTraits::NONE };
     let stage = stage_at_power_up(start, plant, &faults);
-    let driver = LibraryDriver::<N>::start(queues, start, traits, stage)?;
+    let driver = LibraryDriver::<N>::start(start, traits, stage)?;
     Ok(JointRig::new(Box::new(driver), faults))
 }
 
-impl<'q> JointRig<'q> {
+impl JointRig {
     /// Connects a driver that has started, and waits until its observer has settled.
-    pub fn new(driver: Box<dyn RigDriver + 'q>, faults: RigFaults) -> Self {
+    pub fn new(driver: Box<dyn RigDriver>, faults: RigFaults) -> Self {
         let line = DelayLine::new(&faults);
         let mut rig = Self {
             driver,
@@ -238,9 +234,7 @@ impl<'q> JointRig<'q> {
         (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
         rig
     }
-}
 
-impl JointRig<'_> {
     /// Starts the node, sets the joint position, and arms the driver at 0 A.
     ///
     /// # Errors
@@ -292,11 +286,8 @@ impl JointRig<'_> {
             self.line.send(Message::Seal(NODE, seal).emit());
             // The driver measures its own torque, so the load goes to it as an object and not in a Torque frame.
             if self.milliseconds.is_multiple_of(LOAD_INTERVAL_MS) {
-                self.line.send(sdo_download(
-                    index::INPUTS,
-                    4,
-                    (shown.load_torque_nm as f32).to_le_bytes(),
-                ));
+                let load_nm = (shown.load_torque_nm as f32).to_le_bytes();
+                self.line.send(sdo_download(index::INPUTS, InputsObject::LOAD_TORQUE, &load_nm));
             }
         }
         if self.milliseconds.is_multiple_of(TEMPERATURE_INTERVAL_MS) {
@@ -408,26 +399,20 @@ impl JointRig<'_> {
         std::mem::take(&mut self.received.answers)
     }
 
-    /// Delivers a frame to the driver without delay.
+    /// Delivers a frame of up to eight bytes to the driver without delay.
     pub fn send_immediately(&mut self, identifier: u16, data: &[u8]) {
-        if let Some(frame) = Frame::new(identifier, data) {
-            self.driver.receive(&frame);
-        }
+        let frame = Frame::new(identifier, data).expect("11 bits and at most eight bytes");
+        self.driver.receive(&frame);
     }
 
     /// Writes an object of four bytes.
     pub fn write_object(&mut self, index: u16, sub_index: u8, value: [u8; 4]) {
-        let frame = sdo_download(index, sub_index, value);
-        self.driver.receive(&frame);
+        self.driver.receive(&sdo_download(index, sub_index, &value));
     }
 
     /// Writes an object of one byte.
     pub fn write_object_byte(&mut self, index: u16, sub_index: u8, value: u8) {
-        let [low, high] = index.to_le_bytes();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x2F, low, high, sub_index, value, 0, 0, 0],
-        );
+        self.driver.receive(&sdo_download(index, sub_index, &[value]));
     }
 
     /// Reads an object of at most four bytes, which takes some milliseconds. Returns `None` if there is no answer, or the
@@ -435,10 +420,7 @@ impl JointRig<'_> {
     pub fn read_object(&mut self, index: u16, sub_index: u8) -> Option<u32> {
         let [low, high] = index.to_le_bytes();
         self.received.answers.clear();
-        self.send_immediately(
-            0x600 + u16::from(NODE.number()),
-            &[0x40, low, high, sub_index, 0, 0, 0, 0],
-        );
+        self.send_immediately(SDO_REQUEST, &[0x40, low, high, sub_index, 0, 0, 0, 0]);
         (0..ANSWER_TIMEOUT_MS).find_map(|_| {
             self.step_idle();
             self.received.answers.iter().find_map(|frame| match *frame.data() {
@@ -488,11 +470,11 @@ impl Received {
     }
 }
 
-/// Returns the frame of an expedited download of four bytes.
-fn sdo_download(index: u16, sub_index: u8, value: [u8; 4]) -> Frame {
-    let [low, high] = index.to_le_bytes();
-    let [a, b, c, d] = value;
-    let identifier = 0x600 + u16::from(NODE.number());
-    Frame::new(identifier, &[0x23, low, high, sub_index, a, b, c, d])
-        .unwrap_or_else(|| Message::Sync(SyncFrame::of(0)).emit())
+/// Identifier of the requests to the node's objects.
+const SDO_REQUEST: u16 = cob_id::SDO_REQUEST + NODE.number() as u16;
+
+/// Returns the frame that writes an object of one to four bytes.
+fn sdo_download(index: u16, sub_index: u8, value: &[u8]) -> Frame {
+    let request = download_request(Address::new(index, sub_index), value);
+    Frame::new(SDO_REQUEST, &request).expect("11 bits and eight bytes")
 }

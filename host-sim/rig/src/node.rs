@@ -14,7 +14,6 @@ use super::{
 };
 use compensator_core::can::{Message, NodeId, SealFrame, SurroundingsFrame};
 use firmware::driver::Device;
-use firmware::loop_link::LoopQueues;
 use firmware::node::dictionary::index;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::CanState;
@@ -65,7 +64,7 @@ pub enum JointEvent {
 
 /// A driver with its motor and joint.
 pub struct MotorNode {
-    rig: JointRig<'static>,
+    rig: JointRig,
     /// Bus time up to which the rig has run, ns.
     simulated_until_ns: u64,
     sensors: JointSensors,
@@ -139,13 +138,10 @@ impl MotorNode {
     }
 
     fn with_plant(plant: JointPlant, start: &PowerUp) -> Result<Self, RigError> {
-        // The driver keeps its queues as long as a board would: for ever.
-        let queues = Box::leak(Box::new(LoopQueues::new()));
-        start_driver::<Device<RigFlash>>(queues, start, plant, RigFaults::default())
-            .map(Self::with_rig)
+        start_driver::<Device<RigFlash>>(start, plant, RigFaults::default()).map(Self::with_rig)
     }
 
-    fn with_rig(mut rig: JointRig<'static>) -> Self {
+    fn with_rig(mut rig: JointRig) -> Self {
         rig.received.outgoing_frames = Some(VecDeque::new());
         rig.stop_sync();
         Self {
@@ -183,7 +179,7 @@ impl MotorNode {
     }
 
     /// The rig, for inspection of driver and bridge.
-    pub fn rig(&mut self) -> &mut JointRig<'static> {
+    pub fn rig(&mut self) -> &mut JointRig {
         &mut self.rig
     }
 

@@ -96,7 +96,9 @@ fn save<B: Bus>(client: &mut Client<B>) -> Result<(), SdoError> {
 
 fn report<B: Bus>(client: &mut Client<B>, arguments: &AccessArguments) -> Result<String, SdoError> {
     let mut number = |sub_index| client.read_number(Address::new(index::ACCESS, sub_index));
-    let (is_service, is_locked, wrong) = (number(1)? == 1, number(6)? == 1, number(7)?);
+    let is_locked = number(AccessObject::LOCKED_BY_DEFAULT)? == 1;
+    // The first entry is the level, and the seventh counts wrong responses.
+    let (is_service, wrong) = (number(1)? == 1, number(7)?);
     let node = arguments.bus.node_id.number();
     if arguments.json {
         let level = if is_service { "service" } else { "open" };

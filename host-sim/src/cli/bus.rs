@@ -40,7 +40,7 @@ pub struct BusArguments {
     pub key: Option<PathBuf>,
 }
 
-fn node(text: &str) -> Result<NodeId, Expected> {
+pub(super) fn node(text: &str) -> Result<NodeId, Expected> {
     text.parse().ok().and_then(NodeId::new).ok_or_else(|| expected("1 to 127"))
 }
 
@@ -66,7 +66,7 @@ impl BusArguments {
     /// # Errors
     /// Returns one line with the cause and the remedy if the bus cannot be opened.
     pub fn open_with(&self, hub: &Hub, listen: bool) -> Result<Box<dyn Bus>, BusError> {
-        let options = Options { bit_rate: self.bit_rate, listen, ..Options::default() };
+        let options = Options { bit_rate: self.bit_rate, listen };
         self.bus.open(hub, options)
     }
 

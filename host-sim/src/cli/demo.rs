@@ -129,12 +129,12 @@ pub fn run(arguments: &DemoArguments) -> Result {
         seed,
     };
     let html = diagnosis_page::page(&about).render();
-    let files = [
-        ("report.html", html.as_str()),
-        ("diagnosis.json", &pretty(&value)?),
-        ("params.toml", &toml),
-    ];
-    output.write(&files)?;
+    let json = pretty(&value)?;
+    output.write(&[
+        ("report.html", html.as_bytes()),
+        ("diagnosis.json", json.as_bytes()),
+        ("params.toml", toml.as_bytes()),
+    ])?;
     bar.finish_and_clear();
     printer.step("Wrote the report.")?;
     let bar = spinner("replaying the recording".into());
@@ -180,8 +180,12 @@ fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result 
     let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, ..EmitOptions::default() };
     emit(&data, &options, &mut log)?;
-    let log = String::from_utf8(log)?;
-    output.write(&[("data.csv", &scenario.log.csv()), ("trace.log", &log), ("truth.json", truth)])
+    let csv = scenario.log.csv();
+    output.write(&[
+        ("data.csv", csv.as_bytes()),
+        ("trace.log", &log),
+        ("truth.json", truth.as_bytes()),
+    ])
 }
 
 /// Reads and splits the recording as `diagnose` does. Returns data, split and SHA-256.

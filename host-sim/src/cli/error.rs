@@ -40,22 +40,31 @@ impl fmt::Display for CommandError {
 /// What the command line itself refuses.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
+    /// The value of an argument, an option or a file.
     #[error("{argument}: found {found}, expected {expected}")]
     Value { argument: String, found: String, expected: Cow<'static, str> },
+    /// An option, a file or a joint that does not fit the command.
     #[error("{subject}: {reason}")]
     Unfit { subject: String, reason: Cow<'static, str> },
+    /// A file or folder that cannot be read or written.
     #[error("{}: {source}", path.display())]
     File { path: PathBuf, source: io::Error },
+    /// One of several parts, such as a joint, with its error.
     #[error("{part}: {reason}")]
     Part { part: String, reason: CommandError },
+    /// What needs a cargo feature, with the command that builds with it.
     #[error("{what}: not in this build, which lacks the {with_command}")]
     Feature { what: String, with_command: String },
+    /// A result that cannot be printed.
     #[error("standard output: {0}")]
     Output(#[source] io::Error),
+    /// Signals that cannot be caught.
     #[error("Ctrl-C: {0}")]
     Signals(#[from] ctrlc::Error),
+    /// The user answered no.
     #[error("cancelled; nothing was changed")]
     Declined,
+    /// A question without a terminal to answer it.
     #[error("{0} Standard input is not a terminal: use --yes to confirm")]
     NoTerminal(String),
 }

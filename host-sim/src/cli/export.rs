@@ -95,7 +95,7 @@ pub fn run(arguments: &ExportArguments) -> Result {
     let further = exported.further_files.iter().map(|(name, content)| (*name, content.as_slice()));
     let files: Vec<(&str, &[u8])> =
         std::iter::once((name, exported.content.as_slice())).chain(further).collect();
-    arguments.output.write_bytes(&files)?;
+    arguments.output.write(&files)?;
     let paths: Vec<PathBuf> =
         files.iter().map(|(name, _)| arguments.output.folder().join(name)).collect();
     if arguments.output.json {

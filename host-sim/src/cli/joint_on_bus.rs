@@ -44,8 +44,14 @@ pub struct MotionArguments {
     speed: Bound,
 }
 
-/// A bound in rad and s, or in m and s, with the kind of joint of its unit.
-type Bound = (f64, JointKind);
+/// A bound of a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Bound {
+    /// In rad or rad/s, or in m or m/s.
+    size: f64,
+    /// Kind of joint that has this unit.
+    joint: JointKind,
+}
 
 impl MotionArguments {
     /// Returns the bounds, and the column of the position. Only a file may be that of a linear axis.
@@ -53,23 +59,28 @@ impl MotionArguments {
     /// # Errors
     /// Returns one line if the units are of two kinds of joint, or of a linear axis on the bus.
     pub fn limits(&self, is_file: bool) -> Result<(MotionLimits, &'static str)> {
-        let ((range, kind), (speed, other)) = (self.range, self.speed);
-        if kind != other || kind == JointKind::Prismatic && !is_file {
+        let (range, speed) = (self.range, self.speed);
+        let is_linear = range.joint == JointKind::Prismatic;
+        if range.joint != speed.joint || is_linear && !is_file {
             return Err(unfit(
                 "--range, --speed",
                 "expected rad or deg in both; with --standard --dry-run also m or mm in both",
             ));
         }
-        Ok((MotionLimits::new(range, speed), Quantity::Position.name(kind)))
+        let limits = MotionLimits::new(range.size, speed.size);
+        Ok((limits, Quantity::Position.name(range.joint)))
     }
 }
 
-/// Units of a bound without the end of a speed, each with its size and its kind of joint. `mm` is before `m`, which ends it.
-const UNITS: [(&str, f64, JointKind); 4] = [
-    ("rad", 1.0, JointKind::Revolute),
-    ("deg", std::f64::consts::PI / 180.0, JointKind::Revolute),
-    ("mm", 1e-3, JointKind::Prismatic),
-    ("m", 1.0, JointKind::Prismatic),
+const RAD: Bound = Bound { size: 1.0, joint: JointKind::Revolute };
+const METRE: Bound = Bound { size: 1.0, joint: JointKind::Prismatic };
+
+/// Units of a bound without the end of a speed. `mm` is before `m`, which ends it.
+const UNITS: [(&str, Bound); 4] = [
+    ("rad", RAD),
+    ("deg", Bound { size: std::f64::consts::PI / 180.0, ..RAD }),
+    ("mm", Bound { size: 1e-3, ..METRE }),
+    ("m", METRE),
 ];
 
 /// Largest bound, in rad or rad/s, or in m or m/s.
@@ -86,16 +97,17 @@ struct UnfitBound {
     end: String,
 }
 
-/// Parses a number with a unit, which `end` follows; a bare number is in the first one.
+/// Parses a number with a unit, which `end` follows; a bare number is in rad. A sign of both directions may stand before.
 fn bound(text: &str, end: &str) -> Result<Bound, UnfitBound> {
+    let trimmed = text.trim();
+    let unsigned = ["±", "+-"].iter().find_map(|sign| trimmed.strip_prefix(sign));
+    let number = unsigned.unwrap_or(trimmed).trim();
+    let with_unit = |(symbol, unit)| Some((number.strip_suffix(end)?.strip_suffix(symbol)?, unit));
+    let (digits, unit) = UNITS.into_iter().find_map(with_unit).unwrap_or((number, RAD));
+    let size = digits.trim().parse::<f64>().ok().map(|number| number * unit.size);
+    let size = size.filter(|size| *size > 0.0 && *size <= MAX_BOUND);
     let failed = || UnfitBound { found: text.to_owned(), end: end.to_owned() };
-    let trimmed = text.trim().trim_start_matches(['±', '+']).trim_start_matches('-').trim();
-    let with_unit =
-        |(symbol, size, kind)| Some((trimmed.strip_suffix(end)?.strip_suffix(symbol)?, size, kind));
-    let (digits, size, kind) =
-        UNITS.into_iter().find_map(with_unit).unwrap_or((trimmed, 1.0, JointKind::Revolute));
-    let value = digits.trim().parse::<f64>().map_err(|_| failed())? * size;
-    if value > 0.0 && value <= MAX_BOUND { Ok((value, kind)) } else { Err(failed()) }
+    size.map(|size| Bound { size, ..unit }).ok_or_else(failed)
 }
 
 fn range(text: &str) -> Result<Bound, UnfitBound> {
@@ -131,14 +143,13 @@ mod tests {
 
     #[test]
     fn range_and_speed_have_units() {
-        use JointKind::{Prismatic, Revolute};
-        assert_eq!(range("±0.4rad"), Ok((0.4, Revolute)));
-        assert_eq!(range("0.4"), Ok((0.4, Revolute)));
-        assert_eq!(range("±50mm"), Ok((0.05, Prismatic)));
-        assert_eq!(speed("1.5rad/s"), Ok((1.5, Revolute)));
-        assert_eq!(speed("0.2m/s"), Ok((0.2, Prismatic)));
-        assert!((range("90deg").unwrap().0 - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
-        for wrong in ["", "x", "0", "1e9", "nan", "0.4rad/s", "0.4km"] {
+        assert_eq!(range("±0.4rad"), Ok(Bound { size: 0.4, ..RAD }));
+        assert_eq!(range("+-0.4"), Ok(Bound { size: 0.4, ..RAD }));
+        assert_eq!(range("±50mm"), Ok(Bound { size: 0.05, ..METRE }));
+        assert_eq!(speed("1.5rad/s"), Ok(Bound { size: 1.5, ..RAD }));
+        assert_eq!(speed("0.2m/s"), Ok(Bound { size: 0.2, ..METRE }));
+        assert!((range("90deg").unwrap().size - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        for wrong in ["", "x", "0", "1e9", "nan", "0.4rad/s", "0.4km", "-0.4rad", "±-0.4"] {
             let error = range(wrong).unwrap_err().to_string();
             assert!(error.contains(&format!("{wrong:?}")) && error.contains("rad"), "{error}");
         }

@@ -6,7 +6,7 @@
 
 use super::bus::BusArguments;
 use super::error::{Refusal, Result};
-use super::values::{Expected, number};
+use super::values::seconds;
 use crate::demo_joint;
 use joint_bus::bus::{Bus, Hub};
 use joint_bus::monitor::plain::{Terminal, run_plain};
@@ -50,10 +50,6 @@ enum ViewChoice {
     Paged,
 }
 
-fn seconds(text: &str) -> Result<f64, Expected> {
-    number(text, |seconds| *seconds > 0.0, "a number above 0")
-}
-
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
@@ -83,14 +79,13 @@ pub fn run(arguments: &MonitorArguments) -> Result {
         STOPPED.load(Ordering::Relaxed) || arguments.seconds.is_some_and(|most| elapsed_s >= most)
     };
     let mut session = Session::new(arguments.bus.node_id, arguments.listen, bus.now_ns());
-    session.set_bit_rate(arguments.bus.bit_rate.bits_per_second());
     let name = arguments.bus.bus.to_string();
-    session.set_bus(&name);
+    session.joint.set_bus(&name, arguments.bus.bit_rate.bits_per_second());
     if lines {
         let name = if is_demo { "loop (demo: a simulated joint in this process)" } else { &name };
         return Ok(run_lines(&mut session, &mut bus, name, is_over, print)?);
     }
-    let setting = Setting { bus: name, demo: is_demo, epoch: !is_demo, ..Setting::default() };
+    let setting = Setting { bus: name, demo: is_demo, ..Setting::default() };
     let again = || match &arguments.bus.record {
         _ if is_demo => Err(ReopenError::DemoEnded),
         Some(_) => Err(ReopenError::RecordKept),

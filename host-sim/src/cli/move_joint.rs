@@ -133,17 +133,18 @@ pub fn run(arguments: &MoveArguments) -> Result {
     let yes = arguments.yes || arguments.bus.is_loop();
     let mut user = Terminal { yes, quiet: arguments.output.json };
     let moved = perform(client, &options, super::interrupt::flag()?, &mut user)?;
-    if moved.recording.rows.is_empty() {
-        let at = moved.position_rad;
+    let Some(scores) = moved.scores else {
+        let at_rad = moved.position_rad;
         return if arguments.output.json {
-            print_text(&format!("{}\n", serde_json::json!({"position_rad": at})))
+            print_text(&format!("{}\n", serde_json::json!({"position_rad": at_rad})))
         } else {
-            print_text(&format!("{}: at {at:.4} rad\n", options.joint))
+            print_text(&format!("{}: at {at_rad:.4} rad\n", options.joint))
         };
-    }
+    };
     let mut document = serde_json::Map::new();
     let mut text = String::new();
-    for (quantity, value) in TuneQuantity::ALL.into_iter().zip(moved.scores) {
+    for quantity in TuneQuantity::ALL {
+        let value = scores.of(quantity);
         text += &format!("{}: {value:.5} {}\n", quantity.in_words(), quantity.unit());
         let name = serde_json::to_value(quantity)?;
         document.insert(name.as_str().unwrap_or_default().to_owned(), value.into());

@@ -1,16 +1,17 @@
 //! `node`: runs a joint driver on this PC, connected to a CAN bus.
 
 use super::bus::BusArguments;
-use super::error::{Result, in_file, in_part, unfit};
+use super::error::{Result, in_part, unfit};
 use super::interrupt;
 use super::output::print_text;
+use super::values::seconds;
 use joint_bus::bus::{BusError, Hub};
-use joint_bus::joint::{JointNode, run_participant};
+use joint_bus::joint::{JointError, JointNode, run_participant};
 use joint_rig::{MotorNode, service};
 use simulated_machines::joint_plant::DrawnJoint;
 use simulated_machines::scenarios::Hide;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Arguments of `node`.
 #[derive(clap::Args)]
@@ -34,7 +35,7 @@ pub struct NodeArguments {
     #[arg(long, value_name = "N", requires = "motor")]
     seed: Option<u64>,
     /// Stop after this time, s; by default at Ctrl-C
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     #[command(flatten)]
     bus: BusArguments,
@@ -52,12 +53,7 @@ pub fn run(arguments: &NodeArguments) -> Result {
     if arguments.motor {
         return run_motor(arguments);
     }
-    let path = arguments.flash.as_deref();
-    let joint = JointNode::start(arguments.bus.node_id, path);
-    let mut joint = match path {
-        Some(path) => joint.map_err(in_file(path))?,
-        None => joint?,
-    };
+    let mut joint = JointNode::start(arguments.bus.node_id, arguments.flash.as_deref())?;
     let mut bus = arguments.bus.open(&Hub::new())?;
     let is_over = is_over(arguments.seconds)?;
     print_text(&format!(
@@ -65,7 +61,7 @@ pub fn run(arguments: &NodeArguments) -> Result {
         arguments.bus.joint_name()
     ))?;
     let outcome = joint.run(&mut bus, |_| is_over());
-    let counters = joint.driver().map(|driver| *driver.joint.counters()).unwrap_or_default();
+    let counters = *joint.driver().joint.counters();
     print_text(&format!(
         "frames received: {}, restarts: {}\n",
         counters.received,
@@ -99,16 +95,17 @@ fn motor_joint(arguments: &NodeArguments) -> Result<(MotorNode, String)> {
 }
 
 /// Returns a function that is true when the node ends: by Ctrl-C, or after this time, s.
-fn is_over(seconds: Option<f64>) -> Result<impl Fn() -> bool> {
+fn is_over(longest_s: Option<f64>) -> Result<impl Fn() -> bool> {
     let is_interrupted = interrupt::flag()?;
-    let (start, longest) = (Instant::now(), seconds.map(Duration::from_secs_f64));
-    Ok(move || is_interrupted() || longest.is_some_and(|longest| start.elapsed() >= longest))
+    let start = Instant::now();
+    let is_late = move |longest_s| start.elapsed().as_secs_f64() >= longest_s;
+    Ok(move || is_interrupted() || longest_s.is_some_and(is_late))
 }
 
-fn node_result(outcome: Result<(), BusError>) -> Result {
+fn node_result(outcome: Result<(), JointError>) -> Result {
     match outcome {
         // On a serial line, the peer ends the node by closing the connection.
-        Err(BusError::Closed { .. }) | Ok(()) => Ok(()),
+        Err(JointError::Bus(BusError::Closed { .. })) | Ok(()) => Ok(()),
         Err(error) => Err(error.into()),
     }
 }

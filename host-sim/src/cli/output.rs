@@ -4,7 +4,8 @@ use super::error::{Refusal, Result, found, in_file};
 use super::terminal;
 use clap::Args;
 use rustix::termios::tcgetwinsize;
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::ErrorKind::{self, NotADirectory, NotFound};
+use std::io::{IsTerminal, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -54,7 +55,7 @@ impl OutputArguments {
     /// Writes the result files, and prints `document` with `--json`, otherwise `text` with the names of the files.
     ///
     /// # Errors
-    /// See [`OutputArguments::write_bytes`].
+    /// See [`OutputArguments::write`].
     pub fn finish(&self, files: &[(&str, &[u8])], document: &str, text: &str) -> Result {
         let names: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
         self.finish_as(files, &names, document, text)
@@ -63,7 +64,7 @@ impl OutputArguments {
     /// As [`OutputArguments::finish`], with these names in place of those of the files.
     ///
     /// # Errors
-    /// See [`OutputArguments::write_bytes`].
+    /// See [`OutputArguments::write`].
     pub fn finish_as(
         &self,
         files: &[(&str, &[u8])],
@@ -71,7 +72,7 @@ impl OutputArguments {
         document: &str,
         text: &str,
     ) -> Result {
-        self.write_bytes(files)?;
+        self.write(files)?;
         if self.json {
             return print_text(document);
         }
@@ -83,37 +84,27 @@ impl OutputArguments {
     /// Returns an error if one of the files exists with other contents: that of another run, or one that the user changed.
     ///
     /// # Errors
-    /// Returns one line that names the file and the options that help.
-    pub fn refuse_other_contents(&self, files: &[(&str, &str)]) -> Result {
-        let differs = |(name, text): &(&str, &str)| {
+    /// Returns one line that names the file, and the options that help or why it cannot be read.
+    pub fn refuse_other_contents(&self, files: &[(&str, &[u8])]) -> Result {
+        for (name, content) in files {
             let path = self.folder().join(name);
-            let written = std::fs::read(&path).ok()?;
-            (written != text.as_bytes()).then_some(path)
-        };
-        files.iter().find_map(differs).map_or(Ok(()), |path| {
-            Err(found(
-                path.display().to_string(),
-                "the file of another run",
-                "none: write to another folder with --out, or replace it with --force",
-            ))
-        })
+            let written = match std::fs::read(&path) {
+                Err(error) if [NotFound, NotADirectory].contains(&error.kind()) => continue,
+                written => written.map_err(in_file(&path))?,
+            };
+            if written != *content {
+                let remedy = "none: write to another folder with --out, or replace it with --force";
+                return Err(found(path.display().to_string(), "the file of another run", remedy));
+            }
+        }
+        Ok(())
     }
 
-    /// Writes text files, each of them atomically. Writes none if one of the names is an existing folder.
+    /// Writes files, each of them atomically. Writes none if one of the names is an existing folder.
     ///
     /// # Errors
     /// Returns one line that names the file.
-    pub fn write(&self, files: &[(&str, &str)]) -> Result {
-        let bytes: Vec<(&str, &[u8])> =
-            files.iter().map(|(name, text)| (*name, text.as_bytes())).collect();
-        self.write_bytes(&bytes)
-    }
-
-    /// Writes binary files as [`OutputArguments::write`] does.
-    ///
-    /// # Errors
-    /// See [`OutputArguments::write`].
-    pub fn write_bytes(&self, files: &[(&str, &[u8])]) -> Result {
+    pub fn write(&self, files: &[(&str, &[u8])]) -> Result {
         let out = self.folder();
         std::fs::create_dir_all(out).map_err(in_file(out))?;
         if self.is_run_folder {
@@ -295,6 +286,22 @@ mod tests {
                 output.out.is_none(),
                 "a given folder keeps its files"
             );
+        }
+    }
+
+    #[test]
+    fn refuse_other_contents_accepts_only_the_same_file_or_none() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let output = OutputArguments { out: Some(folder.path().into()), ..Default::default() };
+        let refused = |name| output.refuse_other_contents(&[(name, b"new")]).err();
+        std::fs::write(folder.path().join("same"), "new").expect("written");
+        std::fs::write(folder.path().join("other"), "old").expect("written");
+        // As a file without the right to read it, a folder cannot be compared.
+        std::fs::create_dir(folder.path().join("folder")).expect("made");
+        assert!(refused("same").is_none() && refused("none").is_none());
+        for name in ["other", "folder"] {
+            let error = refused(name).expect("refused").to_string();
+            assert!(error.contains(name), "{error}");
         }
     }
 

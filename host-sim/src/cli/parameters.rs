@@ -12,7 +12,6 @@ mod commission;
 mod drive;
 mod friction_run;
 mod measure;
-
 mod status;
 mod trend;
 
@@ -34,8 +33,10 @@ use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;
 use friction_fit::params::{self, ParameterFile};
 use friction_results::loop_cost::late_loop_warning;
+use friction_results::tune::TuneParameter;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
+use joint_bus::codes::ReportedState;
 use joint_bus::parameters::{read_set, write_set};
 use joint_log::JointKind;
 use joint_rig::MotorNode;
@@ -69,8 +70,8 @@ struct GlobalBus {
     #[arg(long, global = true)]
     motor: bool,
     /// Node number of the joint driver
-    #[arg(long, value_name = "N", default_value_t = 1, global = true, value_parser = clap::value_parser!(u8).range(1..=127))]
-    node_id: u8,
+    #[arg(long, value_name = "N", default_value = "1", global = true, value_parser = super::bus::node)]
+    node_id: NodeId,
     /// Bit rate for an slcan adapter, bit/s
     #[arg(long, value_name = "BIT/S", default_value = "1000000", global = true, value_parser = super::bus::bit_rate, hide_short_help = true)]
     bit_rate: BitRate,
@@ -172,24 +173,11 @@ pub fn run(arguments: &ParamsArguments) -> Result<ExitCode> {
         bus.hub_with_driver()?
     };
     let mut driver = Driver { client: bus.client(bus.open(&hub)?)? };
-    let name = bus.joint_name();
-    match run_action(&mut driver, arguments, &name, bus.record.as_deref())? {
-        ActionResult::Printed(code) => Ok(code),
-        ActionResult::Done(done) => {
-            let text = if arguments.json {
-                json!({"node": arguments.bus.node_id, "bus": bus.bus.to_string(), "done": done})
-                    .to_string()
-            } else {
-                format!("{name}: {done}")
-            };
-            print_text(&(text + "\n")).map(|()| ExitCode::SUCCESS)
-        }
-    }
+    run_action(&mut driver, arguments, &bus)
 }
 
 /// Checks the arguments and returns those of the bus. A friction run records the bus to its trace.
 fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments> {
-    let node_id = NodeId::new(arguments.bus.node_id).unwrap_or(NodeId::FIRST);
     let bus = arguments.bus.bus.clone().ok_or_else(|| {
         let reason = "expected a SocketCAN interface such as can0, slcan:PATH, slcan:HOST:PORT, or loop (a \
          driver in this process that ends with it)";
@@ -202,37 +190,27 @@ fn bus_arguments(arguments: &ParamsArguments) -> Result<BusArguments> {
         }
         _ => None,
     };
-    let key = arguments.bus.key.clone();
-    Ok(BusArguments { bus, node_id, bit_rate: arguments.bus.bit_rate, record, key })
+    let GlobalBus { node_id, bit_rate, key, .. } = &arguments.bus;
+    Ok(BusArguments { bus, node_id: *node_id, bit_rate: *bit_rate, record, key: key.clone() })
 }
 
-/// Result of an action.
-enum ActionResult {
-    /// The action printed its own output.
-    Printed(ExitCode),
-    /// One line that states what was done, still to be printed.
-    Done(String),
-}
-
-/// Runs the action. `name` is the driver's name in messages, `trace` the file of a friction run.
+/// Runs the action and prints its result, or in one line what was done.
 fn run_action(
     driver: &mut Driver,
     arguments: &ParamsArguments,
-    name: &str,
-    trace: Option<&Path>,
-) -> Result<ActionResult> {
-    let json = arguments.json;
-    let printed = |()| ActionResult::Printed(ExitCode::SUCCESS);
+    bus: &BusArguments,
+) -> Result<ExitCode> {
+    let (json, name, trace) = (arguments.json, &bus.joint_name(), bus.record.as_deref());
+    let printed = |()| ExitCode::SUCCESS;
     let done = match &arguments.action {
         Action::Get { names, network } => {
             return driver.get(names, network.as_deref(), json).map(printed);
         }
         Action::Diff { file, .. } => {
-            let code = match file {
+            return match file {
                 Some(file) => driver.diff(file, json),
                 None => driver.diff_learnt(json),
             };
-            return code.map(ActionResult::Printed);
         }
         Action::Trend { write } => return driver.trend(write.as_deref(), json).map(printed),
         Action::Status => return driver.status(json).map(printed),
@@ -261,7 +239,7 @@ fn run_action(
             if let Some(trace) = trace {
                 driver.friction_run(measure, name, trace, json)?;
             }
-            return Ok(ActionResult::Printed(ExitCode::SUCCESS));
+            return Ok(ExitCode::SUCCESS);
         }
         Action::Commission { confirm, .. } => {
             return driver.commission(*confirm, json).map(printed);
@@ -271,7 +249,12 @@ fn run_action(
             "restart command sent".to_owned()
         }
     };
-    Ok(ActionResult::Done(done))
+    let text = if json {
+        json!({"node": bus.node_id.number(), "bus": bus.bus.to_string(), "done": done}).to_string()
+    } else {
+        format!("{name}: {done}")
+    };
+    print_text(&(text + "\n")).map(printed)
 }
 
 /// Maximum number of changes that are listed by name.
@@ -317,18 +300,8 @@ impl Driver {
         Ok(self.client.read_number(Address::new(at_index, place))?)
     }
 
-    /// Reads the active parameter set. Staged values that were not committed are discarded.
-    fn read_set(&mut self) -> Result<ParameterSet> {
-        Ok(read_set(&mut self.client)?)
-    }
-
-    /// Stages a whole set and commits it. Returns its CRC.
-    fn commit(&mut self, set: &ParameterSet) -> Result<u32> {
-        Ok(write_set(&mut self.client, set)?)
-    }
-
     fn get(&mut self, names: &[String], network: Option<&Path>, json: bool) -> Result {
-        let set = self.read_set()?;
+        let set = read_set(&mut self.client)?;
         let joint = self.joint_kind()?;
         let beside = match (&set.network, network) {
             (Some(has), Some(path)) => Some(network::write(has, joint, path)?),
@@ -405,7 +378,7 @@ impl Driver {
 
     /// Sets parameters from `NAME=VALUE` items and files. Returns a summary of the changes.
     fn set(&mut self, what: &[String], save: bool, taken: &CompensatedArguments) -> Result<String> {
-        let before = self.read_set()?;
+        let before = read_set(&mut self.client)?;
         let mut set = before.clone();
         let (mut settings, mut orders) = (Vec::new(), Vec::new());
         let mut items = what.iter();
@@ -415,32 +388,16 @@ impl Driver {
                 None if item == adaptation::ITEM => Some(items.next().map_or("", String::as_str)),
                 _ => None,
             };
-            match adapt.map(adaptation::parse).transpose()? {
-                Some(adaptation::Request::Mode(change)) => settings.push(change),
-                Some(adaptation::Request::Order(order, name)) => orders.push((order, name)),
-                None => {}
-            }
-            if adapt.is_some() {
-                continue;
-            }
-            match item.split_once('=') {
-                Some((name, value)) => match drive::parse(name.trim(), value.trim())? {
+            match (adapt, item.split_once('=')) {
+                (Some(word), _) => match adaptation::parse(word)? {
+                    adaptation::Request::Mode(change) => settings.push(change),
+                    adaptation::Request::Order(order, name) => orders.push((order, name)),
+                },
+                (None, Some((name, value))) => match drive::parse(name.trim(), value.trim())? {
                     Some(change) => settings.push(change),
                     None => put(&mut set, name.trim(), value.trim())?,
                 },
-                None if !Path::new(item).exists() => {
-                    let reason = "No such file; expected a parameter file or NAME=VALUE";
-                    return Err(unfit(item, reason));
-                }
-                None => {
-                    let mut file = self.read_file(Path::new(item))?;
-                    taken.apply(&mut file);
-                    if let Some(left_out) = file.left_out_in_words() {
-                        eprintln!("note: {}", text_in_options(&left_out));
-                    }
-                    let network = for_driver(&file).map_err(in_part(item))?;
-                    driver_file::apply(&file, network, &mut set);
-                }
+                (None, None) => self.take_file(item, taken, &mut set)?,
             }
         }
         // The driver runs the same check. Here the error uses the file's names, and the driver stays unchanged.
@@ -454,19 +411,21 @@ impl Driver {
             eprintln!("warning: {late}");
         }
         // A set is committed only if one was given: a commit discards what was learnt.
-        let mut active =
-            if set == before { self.number(index::COMMIT, 1)? } else { self.commit(&set)? };
+        if set != before {
+            write_set(&mut self.client, &set)?;
+        }
         let changes = settings.iter().map(|change| self.change_drive(change));
         let mut changed = changes.collect::<Result<Vec<String>>>()?;
         for (order, name) in orders {
             changed.push(self.order_adaptation(order, name)?);
-            active = self.number(index::COMMIT, 1)?;
         }
+        let active = self.number(index::COMMIT, 1)?;
         if save {
             self.store(index::STORE, SAVE_SIGNATURE)?;
         }
         let of_set = differences(&before, &set);
-        changed.extend(of_set.into_iter().map(|(name, from, to)| format!("{name} {from} -> {to}")));
+        let words = |of: TuneParameter| format!("{} {} -> {}", of.name, of.before, of.after);
+        changed.extend(of_set.into_iter().map(words));
         let changed = match changed.len() {
             0 => "nothing changed".to_owned(),
             1..=MAX_LISTED_CHANGES => changed.join(", "),
@@ -476,8 +435,29 @@ impl Driver {
         Ok(format!("{changed} (crc {active:08x}, {kept})"))
     }
 
+    /// Applies a parameter file to a set.
+    fn take_file(
+        &mut self,
+        item: &str,
+        taken: &CompensatedArguments,
+        set: &mut ParameterSet,
+    ) -> Result {
+        let path = Path::new(item);
+        if !path.exists() {
+            return Err(unfit(item, "No such file; expected a parameter file or NAME=VALUE"));
+        }
+        let mut file = self.read_file(path)?;
+        taken.apply(&mut file);
+        if let Some(left_out) = file.left_out_in_words() {
+            eprintln!("note: {}", text_in_options(&left_out));
+        }
+        let network = for_driver(&file).map_err(in_part(item))?;
+        driver_file::apply(&file, network, set);
+        Ok(())
+    }
+
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode> {
-        let has = self.read_set()?;
+        let has = read_set(&mut self.client)?;
         let mut wants = has.clone();
         let file = self.read_file(path)?;
         let network = for_driver(&file).map_err(in_part(path.display()))?;
@@ -485,13 +465,13 @@ impl Driver {
         let lines = differences(&has, &wants);
         let rows: Vec<_> = lines
             .iter()
-            .map(|(name, has, wants)| json!({"name": name, "driver": has, "file": wants}))
+            .map(|of| json!({"name": of.name, "driver": of.before, "file": of.after}))
             .collect();
         let text: String = match lines.is_empty() {
             true => format!("no difference from {}\n", path.display()),
             false => lines
                 .iter()
-                .map(|(name, has, wants)| format!("{name}: driver {has}, file {wants}\n"))
+                .map(|of| format!("{}: driver {}, file {}\n", of.name, of.before, of.after))
                 .collect(),
         };
         print_result(json, &rows, &text)?;
@@ -509,16 +489,11 @@ impl Driver {
             let remedies = remedies(&refused.to_string());
             NotRequested { refused, remedies }
         })?;
-        self.state().map(str::to_owned)
+        self.state()
     }
 
-    fn state(&mut self) -> Result<&'static str> {
-        Ok(match self.number(index::STATE, 2)? {
-            0 => "safe",
-            1 => "armed",
-            2 => "fault",
-            _ => "unknown",
-        })
+    fn state(&mut self) -> Result<String> {
+        Ok(ReportedState::from_number(self.number(index::STATE, 2)?).name().to_lowercase())
     }
 }
 

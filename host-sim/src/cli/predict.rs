@@ -108,7 +108,7 @@ pub fn run(arguments: &PredictArguments) -> Result {
     let content = table.emit(format)?;
     match &arguments.out {
         Some(file) => write_file(file, &content)?,
-        None => default.write_bytes(&[(ROWS_FILE, &content)])?,
+        None => default.write(&[(ROWS_FILE, &content)])?,
     }
     let start = clap::ValueEnum::to_possible_value(&arguments.start);
     let start = start.map_or(String::new(), |value| value.get_name().to_owned());

@@ -10,7 +10,6 @@ use crate::driver_file;
 use firmware::hil::NumberType;
 use firmware::level_learner::{OFF, ON};
 use joint_bus::bus::{FaultInjector, FaultPlan, Faults};
-use joint_bus::replay::play::ReplayProgress;
 use joint_bus::replay::real_time::request_real_time;
 use joint_bus::replay::report::ReplayDescription;
 use joint_bus::replay::{Check, Plan, Rate, ReplayReport, ReplaySetup, play, set_up};
@@ -136,7 +135,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode> {
     let is_virtual = arguments.bus.is_loop();
     announce(&announcement(plan.samples, recorded_s, arguments.rate, is_virtual));
     let bar = counted_progress("replaying", "samples", plan.samples);
-    let mut report_progress = |progress: ReplayProgress| bar.set_position(progress.samples);
+    let mut report_progress = |samples| bar.set_position(samples);
     let check = Check::new(node, core);
     let keeps_time = !is_virtual && arguments.rate != Rate::Max;
     let raised_priority = keeps_time && request_real_time();
@@ -172,7 +171,7 @@ pub fn run(arguments: &ReplayArguments) -> Result<ExitCode> {
     };
     let report = ReplayReport::new(about, &plan, played);
     let json = pretty(&report)?;
-    arguments.output.write(&[("replay.json", json.as_str())])?;
+    arguments.output.write(&[("replay.json", json.as_bytes())])?;
     print_result(arguments.output.json, &report, &report.text())?;
     if report.holds {
         disarmed?;

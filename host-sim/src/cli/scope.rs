@@ -16,7 +16,7 @@ use firmware::scope::{MAX_SIGNALS, Signal};
 use friction_results::scope::{ScopeCapture, ScopeResult};
 use joint_bus::bus::{Bus, Hub};
 use joint_bus::canopen::Client;
-use joint_bus::scope::{ScopeError, ScopeRequest, ScopeTrigger, capture};
+use joint_bus::scope::{Capture, ScopeError, ScopeRequest, ScopeTrigger, capture};
 use std::time::Duration;
 
 /// Arguments of `scope`.
@@ -126,7 +126,7 @@ pub fn run(arguments: &ScopeArguments) -> Result {
     };
     let files = result.files()?;
     let all: Vec<(&str, &[u8])> = files.all().collect();
-    arguments.output.write_bytes(&all)?;
+    arguments.output.write(&all)?;
     if arguments.output.json {
         return print_text(&files.document.1);
     }
@@ -173,10 +173,9 @@ fn record(
 ) -> Result<Vec<ScopeCapture>> {
     let mut captures = Vec::new();
     for number in 1..=count {
-        let made = capture(client, request, &is_stopped);
-        match made {
-            Ok(made) => {
-                captures.push(ScopeCapture { columns: made.columns, trigger_row: made.trigger_row })
+        match capture(client, request, &is_stopped) {
+            Ok(Capture { columns, trigger_row }) => {
+                captures.push(ScopeCapture { columns, trigger_row });
             }
             // What is complete is kept.
             Err(ScopeError::Stopped) if !captures.is_empty() => break,

@@ -37,16 +37,12 @@ fn version(text: &str) -> Result<Version, Expected> {
     Version::parse(text).ok_or_else(|| expected("MAJOR.MINOR.PATCH, such as 1.2.0"))
 }
 
-/// Reason why nothing is signed.
+/// The images are not those of one release.
 #[derive(Debug, thiserror::Error)]
-enum SignError {
-    #[error("sign needs --key")]
-    NoKey,
-    #[error(
-        "the images are linked for the same slot or for other boards; expected one of `cargo firmware` and one of `cargo firmware-b`"
-    )]
-    MixedImages,
-}
+#[error(
+    "the images are linked for the same slot or for other boards; expected one of `cargo firmware` and one of `cargo firmware-b`"
+)]
+struct MixedImages;
 
 /// Runs the command.
 pub fn run(arguments: &SignArguments) -> Result {
@@ -62,13 +58,13 @@ pub fn run(arguments: &SignArguments) -> Result {
             "written: {private}, {public}\nnote: keep the private key offline; its holder can install any program\n"
         ));
     }
-    let key = key::read(arguments.key.as_ref().ok_or(SignError::NoKey)?)?;
+    let key = key::read(arguments.key.as_ref().expect("an argument without --new-key"))?;
     let mut packages = Vec::new();
     for image in &arguments.images {
         let code = read_image(image)?;
         packages.push(Package::sign(&code, arguments.version, &key));
     }
-    let release = Release::new(packages).ok_or(SignError::MixedImages)?;
+    let release = Release::new(packages).ok_or(MixedImages)?;
     let is_published = key::is_published(&key);
     let default = if is_published { "joint-test-key.package" } else { "joint.package" };
     let out = arguments.out.clone().unwrap_or_else(|| default.into());

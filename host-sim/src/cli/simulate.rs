@@ -119,11 +119,11 @@ pub fn run(arguments: &SimulateArguments) -> Result {
     let bar = spinner(format!("simulating {}", arguments.scenario.name));
     let Simulated { log, truth, hidden } = arguments.scenario.simulate(&request)?;
     let (csv, json) = (log.csv(), pretty(&truth)?);
-    let mut files = vec![("data.csv", csv.as_str()), ("truth.json", json.as_str())];
+    let mut files = vec![("data.csv", csv.as_bytes()), ("truth.json", json.as_bytes())];
     let format = arguments.format;
     let name = format!("trace.{}", format.extension());
     let trace = trace(&log, format).map_err(in_part(&name))?;
-    files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_str())));
+    files.extend(trace.as_ref().map(|trace| (name.as_str(), trace.as_slice())));
     if !arguments.force {
         arguments.output.refuse_other_contents(&files)?;
     }
@@ -147,7 +147,7 @@ const MAX_TRACED_ROWS: usize = 2_000_000;
 
 /// Returns the CAN trace of the log. Returns `None` for a log of several joints, because a trace holds the frames of one
 /// driver, and for a log with more than [`MAX_TRACED_ROWS`] rows.
-fn trace(log: &Log, format: TextFormat) -> Result<Option<String>> {
+fn trace(log: &Log, format: TextFormat) -> Result<Option<Vec<u8>>> {
     let is_one_joint = log.columns.iter().any(|name| ["torque_nm", "force_n"].contains(&&**name));
     if log.rows() > MAX_TRACED_ROWS || !is_one_joint {
         return Ok(None);
@@ -157,7 +157,7 @@ fn trace(log: &Log, format: TextFormat) -> Result<Option<String>> {
     let options = EmitOptions { auxiliary, format, ..EmitOptions::default() };
     let mut trace = Vec::new();
     emit(data, &options, &mut trace)?;
-    Ok(Some(String::from_utf8(trace)?))
+    Ok(Some(trace))
 }
 
 #[cfg(all(test, feature = "papers"))]

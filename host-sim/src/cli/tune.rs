@@ -8,6 +8,8 @@ use super::tune_from::{ForeignArguments, run_foreign};
 use super::values::{Expected, number};
 use clap::Args;
 use friction_results::tune::{TuneGain, TuneOutcome, TuneParts};
+use joint_bus::bus::Bus;
+use joint_bus::canopen::Client;
 use joint_tuning::trial_set::UndoError;
 use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser, motion, trial_set, tune};
 use std::io::IsTerminal;
@@ -79,8 +81,8 @@ impl TuneUser for Terminal {
 
 /// Runs the command.
 pub fn run(arguments: &TuneArguments) -> Result<ExitCode> {
-    if arguments.foreign.from.is_some() {
-        return run_foreign(&arguments.foreign, &arguments.output);
+    if let Some(tool) = arguments.foreign.from {
+        return run_foreign(tool, &arguments.foreign, &arguments.output);
     }
     let (limits, _) = arguments.limits.limits(false)?;
     let motion = arguments.motion.as_ref().map(|path| read_motion(path, &limits)).transpose()?;
@@ -117,11 +119,7 @@ pub(super) fn read_motion(path: &PathBuf, limits: &MotionLimits) -> Result<motio
     Ok(motion::parse(&name, &text, limits)?)
 }
 
-fn undo(
-    mut client: joint_bus::canopen::Client<Box<dyn joint_bus::bus::Bus>>,
-    name: &str,
-    json: bool,
-) -> Result<ExitCode> {
+fn undo<B: Bus>(mut client: Client<B>, name: &str, json: bool) -> Result<ExitCode> {
     let record = trial_set::undo(&mut client).map_err(|error| match error {
         UndoError::NotTuned => in_part(name)(error),
         error => error.into(),

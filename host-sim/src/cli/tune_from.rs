@@ -3,7 +3,7 @@
 //! The drive cannot be commanded from here. So the log must hold the standard motion, and the trial is left to the user.
 
 use super::each_joint::{JointResult, each_joint};
-use super::error::{CommandError, Result, found};
+use super::error::{Result, found};
 use super::fit_arguments::{FitArguments, LossChoice};
 use super::input::{DataArguments, LogArguments, MotionFrom};
 use super::output::OutputArguments;
@@ -91,8 +91,11 @@ impl ForeignArguments {
 ///
 /// # Errors
 /// Returns one line if the logs cannot be read, or are no base of a feed-forward.
-pub fn run_foreign(arguments: &ForeignArguments, output: &OutputArguments) -> Result<ExitCode> {
-    let tool = arguments.from.ok_or_else(no_tool)?;
+pub fn run_foreign(
+    tool: ForeignTool,
+    arguments: &ForeignArguments,
+    output: &OutputArguments,
+) -> Result<ExitCode> {
     let data = arguments.data(tool);
     let is_without_gain = AtomicBool::new(false);
     each_joint("tune", &data, output, &SplitRule::default(), |input| {
@@ -105,10 +108,6 @@ pub fn run_foreign(arguments: &ForeignArguments, output: &OutputArguments) -> Re
         Ok(JointResult { files: made.files(&fit, input)?, text: made.text() })
     })?;
     Ok(ExitCode::from(u8::from(is_without_gain.into_inner())))
-}
-
-fn no_tool() -> CommandError {
-    found("--from", "no tool", "moteus, odrive or candump")
 }
 
 /// Returns the drive of a log. A CAN log states it by the signals that were read.

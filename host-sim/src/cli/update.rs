@@ -66,13 +66,11 @@ fn described(arguments: &UpdateArguments, outcome: &Outcome) -> String {
         })
         .to_string();
     }
+    let (name, seconds) = (arguments.bus.joint_name(), outcome.duration_ms as f64 * 1e-3);
     let mut text = if outcome.was_present {
-        format!("node {node} on {bus}: runs version {version} already")
+        format!("{name}: runs version {version} already")
     } else {
-        let seconds = outcome.duration_ms as f64 * 1e-3;
-        format!(
-            "node {node} on {bus}: version {version} is confirmed, {bytes} bytes in {seconds:.1} s"
-        )
+        format!("{name}: version {version} is confirmed, {bytes} bytes in {seconds:.1} s")
     };
     if outcome.accepts_test_key {
         text += "\nnote: this joint accepts the published test key, so anyone can install a program on it";

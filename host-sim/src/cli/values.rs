@@ -23,6 +23,11 @@ pub fn number(
     number.filter(is_accepted).ok_or_else(|| expected(what))
 }
 
+/// Parses a duration, s.
+pub fn seconds(text: &str) -> Result<f64, Expected> {
+    number(text, |seconds| *seconds > 0.0, "a number above 0")
+}
+
 /// Returns the parser of values with a name. The help lists each with its description.
 pub fn one_of<T: Clone + Send + Sync + 'static>(
     values: impl IntoIterator<Item = (&'static str, &'static str, T)>,

@@ -6,7 +6,7 @@ use compensator_core::can::NodeId;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use joint_bus::bus::{Bus, Hub, Port};
 use joint_bus::canopen::{Client, SdoError};
-use joint_bus::joint::JointNode;
+use joint_bus::joint::{JointError, JointNode};
 use std::cell::RefCell;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -54,34 +54,50 @@ fn client_read_of_missing_node_returns_silent_error() {
     assert!(matches!(error, SdoError::Silent { node: 9 }), "{error}");
 }
 
+/// Returns a driver that has saved this scale, and has not written its flash file yet.
+fn joint_with_saved_scale(flash: &Path, value: f32) -> JointNode {
+    let joint = Rc::new(RefCell::new(JointNode::start(NODE, Some(flash)).unwrap()));
+    let hub = Hub::new();
+    hub.attach(joint.clone());
+    let mut client = Client::new(hub.port(), NODE);
+    client.write(Address::new(index::COMPENSATOR, 1), &value.to_le_bytes()).unwrap();
+    let mut set = firmware::parameter_set::ParameterSet::default();
+    set.friction.compensator.scale = value;
+    client.write(Address::new(index::COMMIT, 3), &set.crc().to_le_bytes()).unwrap();
+    client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes()).unwrap();
+    drop((client, hub));
+    Rc::into_inner(joint).expect("the hub is gone").into_inner()
+}
+
+/// `run` writes the flash file; a driver attached to a hub does not.
+fn run_shortly(joint: &mut JointNode) -> Result<(), JointError> {
+    let hub = Hub::new();
+    let until = hub.now_ns() + 3_000_000;
+    joint.run(&mut hub.port(), |_| hub.now_ns() >= until)
+}
+
 #[test]
 fn saved_parameters_are_read_from_flash_file_after_restart() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flash.bin");
-    let write = |value: f32| {
-        let joint = Rc::new(RefCell::new(JointNode::start(NODE, Some(&path)).unwrap()));
-        let hub = Hub::new();
-        hub.attach(joint.clone());
-        let mut client = Client::new(hub.port(), NODE);
-        client.write(Address::new(index::COMPENSATOR, 1), &value.to_le_bytes()).unwrap();
-        let mut set = firmware::parameter_set::ParameterSet::default();
-        set.friction.compensator.scale = value;
-        client.write(Address::new(index::COMMIT, 3), &set.crc().to_le_bytes()).unwrap();
-        client.write(Address::new(index::STORE, 1), &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-        drop((client, hub));
-        // `run` writes the flash file; a driver attached to a hub does not.
-        let mut joint = Rc::into_inner(joint).expect("the hub is gone").into_inner();
-        let hub = Hub::new();
-        let until = hub.now_ns() + 3_000_000;
-        joint.run(&mut hub.port(), |_| hub.now_ns() >= until).unwrap();
-    };
-    write(0.625);
+    run_shortly(&mut joint_with_saved_scale(&path, 0.625)).unwrap();
     let mut again = client(Some(&path));
     let scale = again.read_float(Address::new(index::COMPENSATOR, 1)).unwrap();
     assert_eq!(scale, 0.625);
     std::fs::write(&path, b"no flash").unwrap();
     let error = JointNode::start(NODE, Some(&path)).err().unwrap().to_string();
     assert!(error.contains("8 bytes") && error.contains("8192"), "{error}");
+}
+
+#[test]
+fn run_with_a_flash_file_that_cannot_be_written_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flash.bin");
+    let mut joint = joint_with_saved_scale(&path, 0.625);
+    drop(folder);
+    let error = run_shortly(&mut joint).unwrap_err();
+    assert!(matches!(error, JointError::Flash { .. }), "{error}");
+    assert!(error.to_string().starts_with(&path.display().to_string()), "{error}");
 }
 
 #[test]
@@ -278,6 +294,7 @@ fn replay_and_node_with_bad_arguments_return_reason() {
         (&["replay", "x.log", "--faults", "loose=1"], "loose"),
         (&["replay", "x.log", "--node-id", "200"], "127"),
         (&["node"], "loop"),
+        (&["node", "--seconds=-1"], "above 0"),
     ] {
         let refused = host_sim(arguments);
         let error = text(&refused.stderr);

@@ -199,7 +199,9 @@ fn on_terminal(arguments: &[&str]) -> OnTerminal {
 #[test]
 fn monitor_plain_view_redraws_in_place_and_leaves_the_terminal_as_it_is() {
     let mut monitor = on_terminal(&["--view", "plain", "--seconds", "2"]);
-    for word in ["DEMO", "ARMED", "velocity", "rad/s", "friction", "current", "flags", "in band"] {
+    for word in
+        ["DEMO", "ARMED", "velocity", "rad/s", "friction", "current", "flags", "windows out"]
+    {
         monitor.wait_for(word);
     }
     monitor.wait_for("Ctrl-C ends");

@@ -60,10 +60,12 @@ fn client(faults: FaultPlan, seed: u64) -> Client<FaultInjector<Port>> {
 
 fn replayed(log: &[u8], setup: &ReplaySetup, rate: Rate, faults: Faults, seed: u64) -> PlayResult {
     let plan = Plan::parse(log, NODE).expect("a log");
-    let mut client = client(FaultPlan::default(), seed);
+    let hub = Hub::new();
+    hub.attach(JointNode::start(NODE, None).expect("no file"));
+    let mut client = Client::new(hub.port(), NODE);
     let core = set_up(&mut client, NODE, setup).expect("a driver that answers");
-    let mut bus = client.into_bus();
-    bus.set_plan(FaultPlan { sent: faults, received: faults });
+    let faults = FaultPlan { sent: faults, received: faults };
+    let mut bus = FaultInjector::new(client.into_bus(), faults, seed);
     play(&mut bus, &plan, rate, Check::new(NODE, core), &mut |_| {}).expect("a bus")
 }
 

@@ -143,8 +143,8 @@ const DRAWS: usize = 6;
 /// Rows that count as one observation, because the residual is correlated: 50 ms at 200 Hz.
 const CORRELATED_ROWS: f64 = 10.0;
 
-/// Returns the place of the motion that separates two fitted hypotheses best, with its expected log likelihood ratio; `None`
-/// if none is expected to reach `least`.
+/// Returns the place of the motion that separates two fitted hypotheses best; `None` if none is expected to reach the log
+/// likelihood ratio `least`.
 pub fn most_informative(
     experiments: &[Experiment],
     hypotheses: [&Outcome; 2],
@@ -152,7 +152,7 @@ pub fn most_informative(
     noise_nm: f64,
     least: f64,
     seed: u64,
-) -> Option<(usize, f64)> {
+) -> Option<usize> {
     let mut random = Pcg64::seed_from_u64(seed);
     let drawn = hypotheses
         .map(|outcome| (0..DRAWS).map(|_| draw(outcome, &mut random)).collect::<Vec<_>>());
@@ -169,7 +169,7 @@ pub fn most_informative(
         (place, nats, nats / seconds)
     });
     let (place, nats, _) = rated.max_by(|a, b| a.2.total_cmp(&b.2))?;
-    (nats >= least).then_some((place, nats))
+    (nats >= least).then_some(place)
 }
 
 /// Draws the parameters of a fit from their standard errors; a draw that is not valid is replaced by the estimate.

@@ -59,9 +59,9 @@ pub fn motion(limits: &MotionLimits) -> Option<Motion> {
     let multisine = multisine_rad(0.6 * speed);
     for slide in 0..SLIDES {
         let to = if slide % 2 == 0 { range } else { -range };
-        let from = builder.len();
+        let from = builder.positions().len();
         builder = builder.stroke(to, speed);
-        let count = builder.len() - from;
+        let count = builder.positions().len() - from;
         let windows = (count.saturating_sub(20)) / multisine.len();
         let start = from + (count - windows * multisine.len()) / 2;
         for window in 0..windows {

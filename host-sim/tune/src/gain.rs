@@ -6,9 +6,12 @@
 use crate::score::Scored;
 use friction_results::tune::{TuneGain, TuneQuantity};
 
-/// Least value of each quantity, in the order of [`TuneQuantity::ALL`]: a smaller one counts as this. The time stuck is known to
-/// the window of the velocity only.
-const LEAST: [f64; 4] = [1e-9, 1e-9, 1e-9, 0.02];
+/// Returns the least value of a quantity, in its unit: a smaller one counts as this. The time stuck is known to the window of
+/// the velocity only.
+fn least(quantity: TuneQuantity) -> f64 {
+    if quantity == TuneQuantity::StuckTime { 0.02 } else { 1e-9 }
+}
+
 /// Quantiles of Student's distribution at 97.5 %, from one degree of freedom on.
 const STUDENT: [f64; 11] =
     [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201];
@@ -22,8 +25,8 @@ pub fn gains(pairs: &[[Scored; 2]]) -> Vec<TuneGain> {
 
 /// Returns the gain of a quantity, as [`gains`] does.
 pub fn gain(pairs: &[[Scored; 2]], quantity: TuneQuantity) -> TuneGain {
-    let place = TuneQuantity::ALL.iter().position(|known| *known == quantity).unwrap_or(0);
-    let log = |scored: &Scored| scored.scores[place].max(LEAST[place]).ln();
+    let least = least(quantity);
+    let log = |scored: &Scored| scored.scores.of(quantity).max(least).ln();
     let count = pairs.len() as f64;
     let mean = |of: &dyn Fn(&[Scored; 2]) -> f64| pairs.iter().map(of).sum::<f64>() / count;
     let ratio = |[before, after]: &[Scored; 2]| log(after) - log(before);
@@ -34,7 +37,7 @@ pub fn gain(pairs: &[[Scored; 2]], quantity: TuneQuantity) -> TuneGain {
         pairs => STUDENT.get(pairs - 2).copied().unwrap_or(STUDENT_OF_MORE),
     };
     let half = student * (squares / (count - 1.0)).sqrt();
-    let is_none = pairs.iter().flatten().all(|scored| scored.scores[place] <= LEAST[place]);
+    let is_none = pairs.iter().flatten().all(|scored| scored.scores.of(quantity) <= least);
     let [before, after] = [0, 1].map(|which| mean(&|pair| log(&pair[which])).exp());
     TuneGain {
         quantity,
@@ -78,7 +81,7 @@ mod tests {
     use rand_pcg::Pcg64;
 
     fn scored(value: f64) -> Scored {
-        Scored { scores: [value; 4], health: Health::default() }
+        Scored { scores: [value; 4].into(), health: Health::default() }
     }
 
     #[test]

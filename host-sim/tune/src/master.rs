@@ -14,6 +14,7 @@ mod error;
 pub use error::MasterError;
 
 use crate::motion::{Motion, MotionBuilder, MotionLimits, TARGET_PERIOD_S};
+use crate::preflight::{FollowingWindow, InterpolationTime};
 use crate::recording::{Recording, Row};
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::can::{Frame, Message, NodeId, SyncFrame, cob_id};
@@ -21,13 +22,17 @@ use firmware::driver::profile::CSP;
 use firmware::node::dictionary::index::{self, TRIAL};
 use firmware::node::dictionary::records::TrialObject;
 use joint_bus::bus::Bus;
-use joint_bus::canopen::Client;
+use joint_bus::canopen::{Client, download_request};
+use joint_bus::codes::{FIRST_FAULT, code_names};
 use joint_trace::CanFrame;
 
 /// Time between two SYNCs, ns.
 const SYNC_PERIOD_NS: u64 = 1_000_000;
 /// SYNCs from one target to the next.
 const SYNCS_PER_TARGET: u64 = (TARGET_PERIOD_S * 1e3) as u64;
+/// Time between two targets, ms.
+pub const TARGET_TIME: InterpolationTime =
+    InterpolationTime { period: SYNCS_PER_TARGET as u8, exponent: -3 };
 /// Time without a report after which the joint counts as silent, ns. It is below the drive's own watchdog of 100 ms.
 const SILENCE_NS: u64 = 60_000_000;
 /// Longest time until the drive is enabled, ns: the bridge finds its offsets, and a holding brake opens in it.
@@ -139,33 +144,22 @@ impl<B: Bus> Master<B> {
         self.error_guard_rad = error_rad;
     }
 
-    /// Selects the time between two targets. The joint must be disarmed.
+    /// Sets the time between two targets (60C2h). The joint must be disarmed.
     ///
     /// # Errors
     /// The joint refuses it or does not answer.
-    pub fn set_interpolation(&mut self) -> Result<(), MasterError> {
-        self.restore_interpolation([SYNCS_PER_TARGET as u8, (-3i8).cast_unsigned()])
+    pub fn set_interpolation(&mut self, time: InterpolationTime) -> Result<(), MasterError> {
+        self.write(index::INTERPOLATION_TIME, 1, &[time.period])?;
+        self.write(index::INTERPOLATION_TIME, 2, &time.exponent.to_le_bytes())
     }
 
-    /// Writes both entries of the time between two targets (60C2h). The joint must be disarmed.
+    /// Sets the largest following error (6065h) and its time (6066h). The joint must be disarmed.
     ///
     /// # Errors
     /// The joint refuses it or does not answer.
-    pub fn restore_interpolation(
-        &mut self,
-        [period, exponent]: [u8; 2],
-    ) -> Result<(), MasterError> {
-        self.write(index::INTERPOLATION_TIME, 1, &[period])?;
-        self.write(index::INTERPOLATION_TIME, 2, &[exponent])
-    }
-
-    /// Sets the largest following error (6065h), 1e-6 rad, and its time (6066h), ms. The joint must be disarmed.
-    ///
-    /// # Errors
-    /// The joint refuses it or does not answer.
-    pub fn set_following_window(&mut self, (micro_rad, ms): (u32, u16)) -> Result<(), MasterError> {
-        self.write(index::FOLLOWING_WINDOW, 0, &micro_rad.to_le_bytes())?;
-        self.write(index::FOLLOWING_TIME, 0, &ms.to_le_bytes())
+    pub fn set_following_window(&mut self, window: FollowingWindow) -> Result<(), MasterError> {
+        self.write(index::FOLLOWING_WINDOW, 0, &window.error_micro_rad.to_le_bytes())?;
+        self.write(index::FOLLOWING_TIME, 0, &window.time_ms.to_le_bytes())
     }
 
     /// Maps the PDOs and selects the mode. The joint must be disarmed.
@@ -189,7 +183,7 @@ impl<B: Bus> Master<B> {
         for every_sync in [index::TRANSMIT_MOTION, index::TRANSMIT_TORQUE] {
             self.write(every_sync, 2, &[1])?;
         }
-        self.set_interpolation()?;
+        self.set_interpolation(TARGET_TIME)?;
         self.write(index::MODE, 0, &CSP.to_le_bytes())?;
         self.client.command(NmtCommand::StartRemoteNode)?;
         // Until the joint has reported itself once, its position is not known here.
@@ -386,7 +380,7 @@ impl<B: Bus> Master<B> {
     fn stop_in_words(&mut self) -> String {
         let status = self.last.status;
         let faults = self.client.read_number(Address::new(index::STATE, 3));
-        let names = faults.map(|bits| code_names(bits, 1)).unwrap_or_default();
+        let names = faults.map(|bits| code_names(bits, FIRST_FAULT)).unwrap_or_default();
         let state = match status {
             status if status & FAULT_MASK == FAULT => "fault",
             status if status & FAULT_MASK == FAULT_REACTION => "fault reaction",
@@ -404,7 +398,6 @@ impl<B: Bus> Master<B> {
 
     /// Starts the cycles at the present bus time, after a time without them.
     fn resynchronise(&mut self) {
-        while self.client.next_other_frame().is_some() {}
         let now_ns = self.client.bus().now_ns();
         (self.due_ns, self.reported_ns) = (now_ns, now_ns);
     }
@@ -421,10 +414,9 @@ impl<B: Bus> Master<B> {
         self.syncs += 1;
         self.phase += 1;
         if self.has_trial && self.syncs.is_multiple_of(SYNCS_PER_RENEWAL) {
-            let [low, high] = TRIAL.to_le_bytes();
-            let [ms_low, ms_high] = TRIAL_DEADLINE_MS.to_le_bytes();
-            let request = [0x2B, low, high, TrialObject::DEADLINE, ms_low, ms_high, 0, 0];
-            self.send(0x600 + u16::from(self.node.number()), &request)?;
+            let deadline = Address::new(TRIAL, TrialObject::DEADLINE);
+            let request = download_request(deadline, &TRIAL_DEADLINE_MS.to_le_bytes());
+            self.send(cob_id::SDO_REQUEST + u16::from(self.node.number()), &request)?;
         }
         let sync = Message::Sync(SyncFrame::of(self.syncs as u32)).emit();
         self.client.bus().send(&CanFrame::from(sync))?;
@@ -444,10 +436,8 @@ impl<B: Bus> Master<B> {
     }
 
     fn send(&mut self, identifier: u16, data: &[u8]) -> Result<(), MasterError> {
-        match Frame::new(identifier, data) {
-            Some(frame) => Ok(self.client.bus().send(&CanFrame::from(frame))?),
-            None => Ok(()),
-        }
+        let frame = Frame::new(identifier, data).expect("11 bits and at most eight bytes");
+        Ok(self.client.bus().send(&CanFrame::from(frame))?)
     }
 
     /// Processes a frame. The frame with the state of the drive is the last one of a SYNC, and completes a row.
@@ -463,7 +453,7 @@ impl<B: Bus> Master<B> {
             }
             return Ok(None);
         }
-        if frame.identifier() == 0x580 + node {
+        if frame.identifier() == cob_id::SDO_ANSWER + node {
             if let [0x80, low, high, _, a, b, c, d] = *frame.data()
                 && u16::from_le_bytes([low, high]) == TRIAL
             {
@@ -498,11 +488,4 @@ impl<B: Bus> Master<B> {
     pub fn leave(&mut self) -> Result<(), MasterError> {
         Ok(self.client.command(NmtCommand::ResetCommunication)?)
     }
-}
-
-/// Returns the names of the codes in a bit set; bit 0 is code number `first`.
-pub fn code_names(bits: u32, first: u8) -> Vec<&'static str> {
-    let set = (0..32u8).filter(|bit| bits >> bit & 1 != 0);
-    let codes = set.filter_map(|bit| firmware::supervisor::Code::from_number(first + bit));
-    codes.map(|code| code.info().name).collect()
 }

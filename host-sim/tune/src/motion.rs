@@ -227,16 +227,6 @@ impl MotionBuilder {
         &self.positions_rad
     }
 
-    /// Returns the number of positions so far.
-    pub fn len(&self) -> usize {
-        self.positions_rad.len()
-    }
-
-    /// Returns true before the first part.
-    pub fn is_empty(&self) -> bool {
-        self.positions_rad.len() <= 1
-    }
-
     /// Returns to the start, and ends the motion after a rest.
     pub fn finish(self, name: &str) -> Motion {
         let speed = 0.5 * self.limits.speed_rad_s;

@@ -12,6 +12,7 @@ use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 use friction_fit::params::Section;
 use friction_fit::spec::{Spec, SpecError};
+use friction_results::tune::TuneParameter;
 
 /// A section of a set: numbers by name.
 pub(crate) struct SetSection {
@@ -76,14 +77,13 @@ fn entries(set: &ParameterSet, used: &[ParameterId]) -> Vec<(String, String)> {
     all
 }
 
-/// Returns the name, first value and second value of each difference between two sets. Parameters that neither model uses
-/// are ignored.
-pub fn differences(first: &ParameterSet, second: &ParameterSet) -> Vec<(String, String, String)> {
-    let models = [&first.friction.model, &second.friction.model];
+/// Returns each difference between two sets. Parameters that neither model uses are ignored.
+pub fn differences(before: &ParameterSet, after: &ParameterSet) -> Vec<TuneParameter> {
+    let models = [&before.friction.model, &after.friction.model];
     let used: Vec<ParameterId> = models.iter().flat_map(|model| model.active()).collect();
-    let both = entries(first, &used).into_iter().zip(entries(second, &used));
-    let differ = both.filter(|((_, first), (_, second))| first != second);
-    differ.map(|((name, first), (_, second))| (name, first, second)).collect()
+    let both = entries(before, &used).into_iter().zip(entries(after, &used));
+    let differ = both.filter(|((_, before), (_, after))| before != after);
+    differ.map(|((name, before), (_, after))| TuneParameter { name, before, after }).collect()
 }
 
 /// Returns every number of a set with its name.

@@ -30,8 +30,8 @@ pub struct MoveOptions {
 pub struct Moved {
     /// The rows of the motion; none for a move to a position.
     pub recording: Recording,
-    /// How well the joint followed, in the order of [`friction_results::tune::TuneQuantity::ALL`].
-    pub scores: Scores,
+    /// How well the joint followed the motion; `None` for a move to a position.
+    pub scores: Option<Scores>,
     /// Position at the end, rad.
     pub position_rad: f64,
 }
@@ -63,12 +63,11 @@ pub fn perform<B: Bus>(
     let mut master = Master::new(client, options.node, options.limits, is_interrupted);
     let moved = drive(&mut master, options, found.position_rad);
     let disabled = master.disable();
-    let restored = master.restore_interpolation(found.interpolation);
+    let restored = master.set_interpolation(found.interpolation);
     let recording = moved?;
     disabled.and(restored).and_then(|()| master.leave())?;
     let nm_per_a = f64::from(found.set.friction.compensator.torque_constant_nm_per_a);
-    let scores =
-        if recording.rows.is_empty() { [0.0; 4] } else { score(&recording, nm_per_a).scores };
+    let scores = options.motion.is_some().then(|| score(&recording, nm_per_a).scores);
     Ok(Moved { recording, scores, position_rad: master.last().position_rad })
 }
 

@@ -1,6 +1,5 @@
 //! What a session finds out before it moves a joint, and what it refuses.
 
-use crate::master::code_names;
 use crate::motion::MotionLimits;
 use crate::trial_set::TRIAL;
 use canopen_rs::Address;
@@ -10,9 +9,10 @@ use firmware::node::dictionary::records::{
     AccessObject, AdaptationObject, InputsObject, TrialObject,
 };
 use firmware::parameter_set::ParameterSet;
-use firmware::supervisor::Code;
+use firmware::supervisor::{Code, CodeSet};
 use joint_bus::bus::Bus;
 use joint_bus::canopen::{Client, SdoError};
+use joint_bus::codes::{FIRST_FAULT, code_names};
 use joint_bus::parameters::read_staged;
 use std::time::Duration;
 
@@ -22,10 +22,26 @@ const LISTEN: Duration = Duration::from_millis(300);
 const WINDOW_MARGIN_RAD: f64 = 0.02;
 /// Share of the joint's largest speed that motions may have: the loop needs some to catch up.
 const SPEED_SHARE: f64 = 0.9;
-/// Number of the first limit among the codes.
-const FIRST_LIMIT: u8 = 33;
 /// Bit of the statusword: the position is known.
 const POSITION_KNOWN: u32 = 1 << 8;
+
+/// Time between two targets (60C2h): `period` times ten to the power of `exponent`, s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InterpolationTime {
+    /// Number of units, entry 1.
+    pub period: u8,
+    /// Exponent of the unit, entry 2.
+    pub exponent: i8,
+}
+
+/// Following error at which the drive stops, if it lasts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FollowingWindow {
+    /// Largest error (6065h), 1e-6 rad.
+    pub error_micro_rad: u32,
+    /// Time for which a larger one is permitted (6066h), ms.
+    pub time_ms: u16,
+}
 
 /// A joint as it was found.
 #[derive(Clone, Debug)]
@@ -34,10 +50,10 @@ pub struct Found {
     pub set: ParameterSet,
     /// Gain of its position loop (60FBh:1), 1e-3 1/s.
     pub position_gain: u32,
-    /// Time between two targets (60C2h:1 and :2).
-    pub interpolation: [u8; 2],
-    /// Largest following error (6065h), 1e-6 rad, and its time (6066h), ms.
-    pub following: (u32, u16),
+    /// Time between two targets.
+    pub interpolation: InterpolationTime,
+    /// Largest following error.
+    pub following: FollowingWindow,
     /// Its position, rad.
     pub position_rad: f64,
     /// Names and values for the report.
@@ -98,7 +114,7 @@ pub fn examine<B: Bus>(
     if faults != 0 {
         return refuse(format!(
             "the joint has faults: {}; `params clear` after their cause is gone",
-            code_names(faults, 1).join(", ")
+            code_names(faults, FIRST_FAULT).join(", ")
         ));
     }
     if client.read_number(at(index::COMMISSIONING, 1))? == 0 {
@@ -120,11 +136,14 @@ pub fn examine<B: Bus>(
     }
     let warnings = check_set(client, &set, limits)?;
     let position_gain = client.read_number(at(index::POSITION_LOOP, 1))?;
-    let interpolation =
-        [1, 2].map(|place| client.read_number(at(index::INTERPOLATION_TIME, place)));
-    let [period, exponent] = interpolation;
-    let window_micro_rad = client.read_number(at(index::FOLLOWING_WINDOW, 0))?;
-    let time_ms = client.read_number(at(index::FOLLOWING_TIME, 0))? as u16;
+    let interpolation = InterpolationTime {
+        period: client.read_number(at(index::INTERPOLATION_TIME, 1))? as u8,
+        exponent: client.read_number(at(index::INTERPOLATION_TIME, 2))? as i8,
+    };
+    let following = FollowingWindow {
+        error_micro_rad: client.read_number(at(index::FOLLOWING_WINDOW, 0))?,
+        time_ms: client.read_number(at(index::FOLLOWING_TIME, 0))? as u16,
+    };
     if purpose == Purpose::Tune {
         check_trial(client)?;
         check_adaptation(client)?;
@@ -138,15 +157,7 @@ pub fn examine<B: Bus>(
     facts.push(("lock".into(), lock(client)?.into()));
     facts.push(("temperature".into(), temperature(client)?));
     facts.extend(stops(client)?);
-    Ok(Found {
-        set,
-        position_gain,
-        interpolation: [period? as u8, exponent? as u8],
-        following: (window_micro_rad, time_ms),
-        position_rad,
-        facts,
-        warnings,
-    })
+    Ok(Found { set, position_gain, interpolation, following, position_rad, facts, warnings })
 }
 
 /// Refuses a joint that reduces its current because it is hot. Also asked between the motions of a session.
@@ -155,7 +166,7 @@ pub fn examine<B: Bus>(
 /// The joint is derated or does not answer.
 pub fn check_heat<B: Bus>(client: &mut Client<B>) -> Result<(), Refusal> {
     let active = client.read_number(Address::new(index::STATE, 4))?;
-    if code_names(active, FIRST_LIMIT).contains(&Code::Derated.info().name) {
+    if active & CodeSet::of(&[Code::Derated]).limit_bits() != 0 {
         return refuse("the joint reduces its current because it is hot (derated): let it cool");
     }
     Ok(())

@@ -49,8 +49,11 @@ impl Verdict {
 
 /// Returns the mean logarithm of both errors relative to those of the former set: negative is better.
 pub fn cost(former: &Scored, new: &Scored) -> f64 {
-    let ratio = |place: usize| (new.scores[place] / former.scores[place].max(1e-9)).max(1e-6).ln();
-    0.5 * (ratio(0) + ratio(1))
+    let ratio = |quantity: TuneQuantity| {
+        let [new, former] = [new, former].map(|scored| scored.scores.of(quantity));
+        (new / former.max(1e-9)).max(1e-6).ln()
+    };
+    0.5 * (ratio(TuneQuantity::ReversalError) + ratio(TuneQuantity::TrackingRms))
 }
 
 /// Returns why a block oscillates, compared with one of the former set.
@@ -204,7 +207,7 @@ mod tests {
     /// Rounds in which each set has these scores, with some noise.
     fn rounds(sets: &[(TuneArm, [f64; 4])]) -> Vec<Round> {
         let scored = |scores: [f64; 4], share: f64| Scored {
-            scores: scores.map(|value| value * share),
+            scores: scores.map(|value| value * share).into(),
             health: Health::default(),
         };
         let round = |share: f64| {
@@ -274,7 +277,7 @@ mod tests {
     #[test]
     fn oscillation_is_measured_against_the_former_set() {
         let scored = |swing_rad: f64, current_step_a: f64| Scored {
-            scores: [1.0; 4],
+            scores: [1.0; 4].into(),
             health: Health { swing_rad, current_step_a, worst_error_rad: 0.0 },
         };
         let calm = scored(0.001, 0.1);

@@ -11,6 +11,7 @@
 //! the fast part of the current with those of the former set.
 
 use crate::recording::Recording;
+use friction_results::tune::TuneQuantity;
 
 /// Time after a reversal in which its error is sought, s.
 const REVERSAL_WINDOW_S: f64 = 0.25;
@@ -25,8 +26,37 @@ const MIN_REST_S: f64 = 0.15;
 /// Time after which a joint that rests has settled, s.
 const SETTLING_S: f64 = 0.1;
 
-/// Values of a block, in the order of [`friction_results::tune::TuneQuantity::ALL`].
-pub type Scores = [f64; 4];
+/// Values of a block: how well the joint followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scores {
+    /// Largest position error after a reversal, mean over the reversals, rad.
+    pub reversal_error_rad: f64,
+    /// Root mean square of the position error, rad.
+    pub tracking_rms_rad: f64,
+    /// Root mean square of the current, A.
+    pub current_rms_a: f64,
+    /// Time at rest where motion was demanded, s.
+    pub stuck_s: f64,
+}
+
+impl Scores {
+    /// Returns the value of a quantity, in its unit.
+    pub fn of(&self, quantity: TuneQuantity) -> f64 {
+        match quantity {
+            TuneQuantity::ReversalError => self.reversal_error_rad,
+            TuneQuantity::TrackingRms => self.tracking_rms_rad,
+            TuneQuantity::CurrentRms => self.current_rms_a,
+            TuneQuantity::StuckTime => self.stuck_s,
+        }
+    }
+}
+
+#[cfg(test)]
+impl From<[f64; 4]> for Scores {
+    fn from([reversal_error_rad, tracking_rms_rad, current_rms_a, stuck_s]: [f64; 4]) -> Self {
+        Self { reversal_error_rad, tracking_rms_rad, current_rms_a, stuck_s }
+    }
+}
 
 /// Oscillation of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -79,7 +109,12 @@ pub fn score(recording: &Recording, nm_per_a: f64) -> Scored {
     let current = |at: usize| rows[at].torque_nm / nm_per_a;
     let step = |at: usize| if at == 0 { 0.0 } else { current(at) - current(at - 1) };
     Scored {
-        scores: [reversal, rms(&error), rms(&current), stuck.count() as f64 * period_s],
+        scores: Scores {
+            reversal_error_rad: reversal,
+            tracking_rms_rad: rms(&error),
+            current_rms_a: rms(&current),
+            stuck_s: stuck.count() as f64 * period_s,
+        },
         health: Health {
             swing_rad: swing(&demanded, position, period_s),
             current_step_a: rms(&step),
@@ -156,12 +191,12 @@ mod tests {
     fn score_measures_lag_reversals_and_stuck_time() {
         let free = score(&block(0.001, false), 2.0).scores;
         let stuck = score(&block(0.001, true), 2.0).scores;
-        assert!((free[0] - 0.001).abs() < 2e-4, "{free:?}");
-        assert!((free[1] - 0.001).abs() < 1e-4, "{free:?}");
-        assert!((free[2] - 0.5).abs() < 1e-6, "{free:?}");
+        assert!((free.reversal_error_rad - 0.001).abs() < 2e-4, "{free:?}");
+        assert!((free.tracking_rms_rad - 0.001).abs() < 1e-4, "{free:?}");
+        assert!((free.current_rms_a - 0.5).abs() < 1e-6, "{free:?}");
         // 0.1 s at 0.2 rad/s, and the lag before.
-        assert!((stuck[0] - 0.019).abs() < 0.004, "{stuck:?}");
-        assert!(free[3] < 0.03 && (stuck[3] - 0.35).abs() < 0.12, "{free:?} {stuck:?}");
+        assert!((stuck.reversal_error_rad - 0.019).abs() < 0.004, "{stuck:?}");
+        assert!(free.stuck_s < 0.03 && (stuck.stuck_s - 0.35).abs() < 0.12, "{free:?} {stuck:?}");
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::master::{Master, MasterError};
 use crate::motion::{Motion, MotionError, MotionLimits, standard};
 use crate::preflight::{Found, Purpose, Refusal, examine};
 use crate::recording::Recording;
-use crate::trial_set::{self, TrialError, TunedSet};
+use crate::trial_set::{self, TrialError};
 use compensator_core::can::NodeId;
 use firmware::parameter_set::ParameterSet;
 use friction_diagnose::prepare;
@@ -171,26 +171,4 @@ fn question(options: &TuneOptions, motion: &Motion, found: &Found) -> String {
         found.position_rad,
         options.seconds.max(least_seconds(motion, &options.limits))
     )
-}
-
-/// Performs a motion around a position, rad, with a set in RAM, and records it. The joint is disarmed before and after.
-///
-/// # Errors
-/// Returns one line if the set is refused or the joint stops.
-pub fn performed<B: Bus>(
-    client: Client<B>,
-    options: &TuneOptions,
-    origin_rad: f64,
-    tuned: &TunedSet,
-    motion: &Motion,
-) -> Result<Recording, SessionError> {
-    let mut master = Master::new(client, options.node, options.limits, Box::new(|| false));
-    master.configure()?;
-    trial_set::write(&mut master, tuned)?;
-    master.enable()?;
-    master.approach(origin_rad, 0.3 * options.limits.speed_rad_s)?;
-    let recording = master.play(motion, origin_rad)?;
-    master.disable()?;
-    master.leave()?;
-    Ok(recording)
 }

@@ -14,16 +14,10 @@ use joint_bus::parameters::{ParametersError, write_set};
 use std::time::Duration;
 
 pub use firmware::node::dictionary::index::TRIAL;
-/// Entry with the time to the deadline, ms; a write opens or renews the trial.
-pub const DEADLINE: u8 = TrialObject::DEADLINE;
-/// Entry that ends the trial.
-pub const ORDER: u8 = TrialObject::ORDER;
 /// Order that returns to the stored set.
 const RETURN: u8 = 2;
 /// Order that keeps and stores what is active. If the flash fails, the trial stays open.
 pub const KEEP_AND_SAVE: u8 = 3;
-/// Entry with the state.
-const STATE: u8 = TrialObject::STATE;
 
 /// State of a trial that is open.
 const OPEN: u32 = 1;
@@ -73,7 +67,7 @@ pub struct TunedSet {
 /// # Errors
 /// The drive refuses it, with its reason.
 pub fn open<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
-    let at = Address::new(TRIAL, DEADLINE);
+    let at = Address::new(TRIAL, TrialObject::DEADLINE);
     // Longer than a change of the set takes on a slow bus; the next renewal shortens it.
     master.client().write(at, &(5 * TRIAL_DEADLINE_MS).to_le_bytes())?;
     master.set_trial(true);
@@ -85,10 +79,9 @@ pub fn open<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
 /// # Errors
 /// The drive refuses the set or has ended the trial.
 pub fn apply<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), TrialError> {
-    let at = Address::new(TRIAL, DEADLINE);
-    master.client().write(at, &(5 * TRIAL_DEADLINE_MS).to_le_bytes())?;
+    open(master)?;
     write(master, tuned)?;
-    match master.client().read_number(Address::new(TRIAL, STATE))? {
+    match master.client().read_number(Address::new(TRIAL, TrialObject::STATE))? {
         OPEN => Ok(()),
         state => Err(TrialError::Returned(reason(state))),
     }
@@ -109,9 +102,9 @@ pub fn write<B: Bus>(master: &mut Master<B>, tuned: &TunedSet) -> Result<(), Tri
 /// # Errors
 /// The drive does not answer, or still has another set after some seconds.
 pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
-    let state = Address::new(TRIAL, STATE);
+    let state = Address::new(TRIAL, TrialObject::STATE);
     if master.client().read_number(state)? == OPEN {
-        master.client().write(Address::new(TRIAL, ORDER), &[RETURN])?;
+        master.client().write(Address::new(TRIAL, TrialObject::ORDER), &[RETURN])?;
     }
     let until_ns = master.client().bus().now_ns() + RETURN_NS;
     loop {
@@ -132,7 +125,7 @@ pub fn give_back<B: Bus>(master: &mut Master<B>) -> Result<(), TrialError> {
 const fn reason(state: u32) -> &'static str {
     match state {
         0 => "no trial is open",
-        2 => "it was kept",
+        KEPT => "it was kept",
         3 => "as requested",
         4 => "the host was late",
         5 => "a fault",
@@ -172,9 +165,11 @@ pub fn keep_and_save<B: Bus>(master: &mut Master<B>, record: &Record) -> Result<
     }
     client.write(Address::new(index::TUNING, 5), &record.gain_permille.to_le_bytes())?;
     client.write(Address::new(index::TUNING, 6), &[record.cause])?;
-    let ordered = client.write(Address::new(TRIAL, ORDER), &[KEEP_AND_SAVE]);
+    let order = Address::new(TRIAL, TrialObject::ORDER);
+    let ordered = client.write(order, &[KEEP_AND_SAVE]);
     // The answer alone may be lost.
-    if ordered.is_err() && !matches!(client.read_number(Address::new(TRIAL, STATE)), Ok(KEPT)) {
+    let state = Address::new(TRIAL, TrialObject::STATE);
+    if ordered.is_err() && !matches!(client.read_number(state), Ok(KEPT)) {
         return Ok(ordered?);
     }
     master.set_trial(false);

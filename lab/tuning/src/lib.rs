@@ -255,8 +255,9 @@ fn graded(case: &Case, start: StartStand) -> Result<(Grade, Stand, Session), Gra
         (gains.map(GainInterval::from).into(), gains.map(before).into(), gains.map(after).into())
     } else {
         let (baseline, _) = session.recordings.first().ok_or(GradeError::NoRecording)?;
-        let [reversal, rms, ..] = truth.scored(baseline).scores;
-        let errors = ErrorFigures { reversal, rms };
+        let scores = truth.scored(baseline).scores;
+        let errors =
+            ErrorFigures { reversal: scores.reversal_error_rad, rms: scores.tracking_rms_rad };
         ([GainInterval::default(); 2].into(), errors, errors)
     };
     let grade = Grade {

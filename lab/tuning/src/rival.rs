@@ -1,5 +1,6 @@
 //! The rival: a feed-forward by a table over speed, fitted to the same recordings.
 
+use super::stand::performed;
 use super::{ErrorFigures, GradeError, RivalRatio, Stand};
 use compensator_core::{LawKind, TermKind};
 use firmware::parameter_set::ParameterSet;
@@ -8,7 +9,6 @@ use friction_fit::{FitOptions, Outcome, Rows, identify_robustly};
 use joint_tuning::Session;
 use joint_tuning::motion::{Motion, standard};
 use joint_tuning::score::{Scored, score};
-use joint_tuning::session::performed;
 use joint_tuning::trial_set::TunedSet;
 
 /// Shares of the table's torque that are tried.
@@ -101,8 +101,8 @@ impl Rival {
         let origin_rad = session.before.position_rad;
         let recording = performed(stand.client(), &options, origin_rad, tuned, &self.motion)?;
         let figures = |scored: Scored| {
-            let [reversal, rms, ..] = scored.scores;
-            ErrorFigures { reversal, rms }
+            let scores = scored.scores;
+            ErrorFigures { reversal: scores.reversal_error_rad, rms: scores.tracking_rms_rad }
         };
         let by_truth = figures(stand.truth().scored(&recording));
         Ok(BlockErrors { by_truth, by_encoder: figures(score(&recording, 1.0)) })

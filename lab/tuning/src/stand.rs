@@ -2,6 +2,7 @@
 
 use super::{GradeError, LIMITS, Silent, options};
 use canopen_rs::Address;
+use firmware::node::dictionary::records::TrialObject;
 use firmware::node::dictionary::{SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
 use friction_results::tune::{TuneArm, TuneGain, TuneQuantity};
@@ -14,9 +15,9 @@ use joint_tuning::motion::standard;
 use joint_tuning::proof::pairs;
 use joint_tuning::recording::Recording;
 use joint_tuning::score::{Scored, score};
-use joint_tuning::session::performed;
+use joint_tuning::session::SessionError;
 use joint_tuning::trial_set::{self, TunedSet};
-use joint_tuning::{Session, TuneOptions, tune};
+use joint_tuning::{Master, Motion, Session, TuneOptions, tune};
 use simulated_machines::joint_plant::DrawnJoint;
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -88,6 +89,28 @@ impl Truth {
         [TuneQuantity::ReversalError, TuneQuantity::TrackingRms]
             .map(|quantity| gain(&pairs, quantity))
     }
+}
+
+/// Performs a motion around a position, rad, with a set in RAM, and records it. The joint is disarmed before and after.
+///
+/// # Errors
+/// Returns one line if the set is refused or the joint stops.
+pub(super) fn performed<B: Bus>(
+    client: Client<B>,
+    options: &TuneOptions,
+    origin_rad: f64,
+    tuned: &TunedSet,
+    motion: &Motion,
+) -> Result<Recording, SessionError> {
+    let mut master = Master::new(client, options.node, options.limits, Box::new(|| false));
+    master.configure()?;
+    trial_set::write(&mut master, tuned)?;
+    master.enable()?;
+    master.approach(origin_rad, 0.3 * options.limits.speed_rad_s)?;
+    let recording = master.play(motion, origin_rad)?;
+    master.disable()?;
+    master.leave()?;
+    Ok(recording)
 }
 
 /// The joint as a participant of the bus, which the grader shares.
@@ -252,7 +275,7 @@ impl HostPort {
     /// Returns true for the order that keeps and saves a set.
     fn is_order(frame: &CanFrame) -> bool {
         let [low, high] = trial_set::TRIAL.to_le_bytes();
-        let wanted = [low, high, trial_set::ORDER, trial_set::KEEP_AND_SAVE];
+        let wanted = [low, high, TrialObject::ORDER, trial_set::KEEP_AND_SAVE];
         frame.to_joint().is_some_and(|frame| {
             frame.identifier() & 0x780 == 0x600 && frame.data().get(1..5) == Some(&wanted[..])
         })

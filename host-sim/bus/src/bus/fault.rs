@@ -80,11 +80,6 @@ impl<B: Bus> FaultInjector<B> {
         (self.sent.counters, self.received.counters)
     }
 
-    /// Sets other faults. The random sampler continues.
-    pub fn set_plan(&mut self, plan: FaultPlan) {
-        (self.sent.faults, self.received.faults) = (plan.sent, plan.received);
-    }
-
     /// Returns the inner bus.
     pub fn bus(&self) -> &B {
         &self.bus

@@ -67,7 +67,8 @@ impl Hub {
     /// Limits the speed of virtual time to `rate` times the wall clock, for live display. The events stay the same.
     pub fn keep_pace(&self, rate: f64) {
         let mut wire = self.0.borrow_mut();
-        wire.pace = Some((Instant::now(), wire.now_ns, rate.max(1e-6)));
+        let (since, since_ns) = (Instant::now(), wire.now_ns);
+        wire.pace = Some(Pace { since, since_ns, rate: rate.max(1e-6) });
     }
 
     /// Adds a port to the bus.
@@ -200,18 +201,31 @@ struct Wire {
     now_ns: u64,
     rates: Option<BitRates>,
     stations: Vec<Station>,
-    /// Sender, frame and end time of the current transmission.
-    transmission: Option<(usize, CanFrame, u64)>,
+    transmission: Option<Transmission>,
     busy_ns: u64,
     events: u32,
-    pace: Option<(Instant, u64, f64)>,
+    pace: Option<Pace>,
+}
+
+/// A frame on the wire. The sender is the place of its station.
+struct Transmission {
+    sender: usize,
+    frame: CanFrame,
+    end_ns: u64,
+}
+
+/// Speed of virtual time, in times of the wall clock, from a time on.
+struct Pace {
+    since: Instant,
+    since_ns: u64,
+    rate: f64,
 }
 
 impl Wire {
     /// Processes the next event up to `until_ns`. Returns false if there is none.
     fn step(&mut self, until_ns: u64) -> Result<bool, BusError> {
         self.begin_transmission();
-        let arrival = self.transmission.map(|(_, _, end_ns)| end_ns);
+        let arrival = self.transmission.as_ref().map(|transmission| transmission.end_ns);
         let wake = (self.stations.iter().enumerate())
             .filter_map(|(at, station)| Some((station.wake_ns?, at)))
             .min();
@@ -242,14 +256,16 @@ impl Wire {
         let Some(frame) = self.stations[winner].queue.pop_front() else { return };
         let duration_ns = self.rates.map_or(0, |rates| rates.duration_ns(&frame));
         self.busy_ns += duration_ns;
-        self.transmission = Some((winner, frame, self.now_ns + duration_ns));
+        let end_ns = self.now_ns + duration_ns;
+        self.transmission = Some(Transmission { sender: winner, frame, end_ns });
     }
 
     /// Ends the transmission: all other stations receive the frame.
     fn end_transmission(&mut self) -> Result<(), BusError> {
-        let Some((sender, frame, time_ns)) = self.transmission.take() else { return Ok(()) };
-        for (at, station) in self.stations.iter_mut().enumerate() {
-            if at == sender || station.is_closed {
+        let Some(ended) = self.transmission.take() else { return Ok(()) };
+        let Transmission { sender, frame, end_ns: time_ns } = ended;
+        for (place, station) in self.stations.iter_mut().enumerate() {
+            if place == sender || station.is_closed {
                 continue;
             }
             station.counters.received += 1;
@@ -280,9 +296,9 @@ impl Wire {
         }
         self.now_ns = time_ns;
         self.events = 0;
-        if let Some((start, start_ns, rate)) = self.pace {
-            let due = Duration::from_secs_f64((time_ns - start_ns) as f64 * 1e-9 / rate);
-            std::thread::sleep(due.saturating_sub(start.elapsed()));
+        if let Some(Pace { since, since_ns, rate }) = self.pace {
+            let due = Duration::from_secs_f64((time_ns - since_ns) as f64 * 1e-9 / rate);
+            std::thread::sleep(due.saturating_sub(since.elapsed()));
         }
     }
 }

@@ -15,36 +15,38 @@ use std::io::Write;
 const REORDER_WINDOW_NS: u64 = 100_000_000;
 const MAX_HELD_LINES: usize = 1024;
 
+/// A line that is not written yet.
+struct HeldLine {
+    time_ns: u64,
+    frame: CanFrame,
+    direction: Direction,
+}
+
 /// Records the frames that pass through it.
 pub struct Recorder<B, W: Write> {
     bus: B,
     out: W,
     interface: String,
     fraction: Fraction,
-    held: VecDeque<(u64, CanFrame, Direction)>,
+    /// In the order of their times.
+    held: VecDeque<HeldLine>,
     text: Vec<u8>,
 }
 
 impl<B, W: Write> Recorder<B, W> {
-    /// Creates a recorder around a bus. `interface` is the name in the lines, without blanks. `out` should be buffered.
+    /// Creates a recorder around a bus. `interface` is the name in the lines, in which `_` replaces blanks. `out` should be buffered.
     pub fn new(bus: B, out: W, interface: &str, fraction: Fraction) -> Self {
         let interface: String =
             interface.chars().map(|sign| if sign.is_whitespace() { '_' } else { sign }).collect();
-        let (held, text) = (VecDeque::new(), Vec::new());
-        Self { bus, out, interface, fraction, held, text }
+        Self { bus, out, interface, fraction, held: VecDeque::new(), text: Vec::new() }
     }
 
-    fn hold(
-        &mut self,
-        time_ns: u64,
-        frame: CanFrame,
-        direction: Direction,
-    ) -> Result<(), BusError> {
-        let at = self.held.partition_point(|(earlier, ..)| *earlier <= time_ns);
-        self.held.insert(at, (time_ns, frame, direction));
-        let latest = self.held.back().map_or(0, |(latest, ..)| *latest);
-        while let Some((time_ns, ..)) = self.held.front()
-            && (self.held.len() > MAX_HELD_LINES || latest - time_ns > REORDER_WINDOW_NS)
+    fn hold(&mut self, line: HeldLine) -> Result<(), BusError> {
+        let place = self.held.partition_point(|earlier| earlier.time_ns <= line.time_ns);
+        self.held.insert(place, line);
+        let latest_ns = self.held.back().map_or(0, |latest| latest.time_ns);
+        while let Some(first) = self.held.front()
+            && (self.held.len() > MAX_HELD_LINES || latest_ns - first.time_ns > REORDER_WINDOW_NS)
         {
             self.write_first()?;
         }
@@ -52,7 +54,8 @@ impl<B, W: Write> Recorder<B, W> {
     }
 
     fn write_first(&mut self) -> Result<(), BusError> {
-        let Some((time_ns, frame, direction)) = self.held.pop_front() else { return Ok(()) };
+        let Some(first) = self.held.pop_front() else { return Ok(()) };
+        let HeldLine { time_ns, frame, direction } = first;
         let interface = self.interface.as_bytes();
         let line = Line { time_ns, interface, frame, direction: Some(direction) };
         self.text.clear();
@@ -79,8 +82,7 @@ impl<B, W: Write> Recorder<B, W> {
 
 impl<B, W: Write> Drop for Recorder<B, W> {
     fn drop(&mut self) {
-        while !self.held.is_empty() && self.write_first().is_ok() {}
-        let _ = self.out.flush();
+        let _ = self.flush();
     }
 }
 
@@ -89,13 +91,13 @@ impl<B: Bus, W: Write> Bus for Recorder<B, W> {
         // Read before sending, because an answer may be on the bus before the call returns.
         let time_ns = self.bus.now_ns();
         self.bus.send(frame)?;
-        self.hold(time_ns, *frame, Direction::Sent)
+        self.hold(HeldLine { time_ns, frame: *frame, direction: Direction::Sent })
     }
 
     fn receive(&mut self, until_ns: u64) -> Result<Option<Received>, BusError> {
         let received = self.bus.receive(until_ns)?;
         if let Some(Received { time_ns, frame }) = received {
-            self.hold(time_ns, frame, Direction::Received)?;
+            self.hold(HeldLine { time_ns, frame, direction: Direction::Received })?;
         }
         Ok(received)
     }

@@ -5,10 +5,9 @@
 //! counted. The time of a frame is the time at which its line was read. The text is coded by
 //! [`compensator_core::can::slcan`], the same code as on the board.
 
-use super::address::Address;
 use super::bits::padded;
 use super::link::Link;
-use super::{Bus, BusError, Counters, OpenError, Received, SEND_TIMEOUT, WallClock};
+use super::{Address, Bus, BusError, Counters, OpenError, Received, SEND_TIMEOUT, WallClock};
 use compensator_core::can::slcan::{
     AdapterCommand, BitRate, FrameHeader, FrameKind, FrameView, LinePiece, LineSplitter,
     MAX_LINE_BYTES, SlcanLine, emit, emit_command, parse,
@@ -32,15 +31,13 @@ const MAX_INBOX_FRAMES: usize = 4096;
 pub struct Options {
     /// Bit rate of the bus.
     pub bit_rate: BitRate,
-    /// Bit rate of CAN FD data, Mbit/s; `None` sets none, for adapters without CAN FD.
-    pub data_rate: Option<u8>,
     /// True to receive only, without acknowledging frames.
     pub listen: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { bit_rate: BitRate::MEGABIT, data_rate: None, listen: false }
+        Self { bit_rate: BitRate::MEGABIT, listen: false }
     }
 }
 
@@ -76,10 +73,8 @@ impl Slcan {
         bus.outbox.extend_from_slice(b"\r\r");
         bus.command(AdapterCommand::Close)?;
         bus.wait_for_silence()?;
-        let mut commands = vec![AdapterCommand::BitRate(options.bit_rate)];
-        commands.extend(options.data_rate.map(AdapterCommand::DataRate));
-        commands.push(if options.listen { AdapterCommand::Listen } else { AdapterCommand::Open });
-        for command in commands {
+        let open = if options.listen { AdapterCommand::Listen } else { AdapterCommand::Open };
+        for command in [AdapterCommand::BitRate(options.bit_rate), open] {
             bus.decoder.answer = None;
             bus.command(command)?;
             bus.wait_for_answer()?;
@@ -93,7 +88,7 @@ impl Slcan {
 
     fn command(&mut self, command: AdapterCommand) -> Result<(), BusError> {
         let mut text = [0; 8];
-        let length = emit_command(command, &mut text).unwrap_or(0);
+        let length = emit_command(command, &mut text).expect("a command has at most three letters");
         self.outbox.extend_from_slice(&text[..length]);
         self.write_out()
     }

@@ -47,23 +47,22 @@ impl Connection {
         setting: &mut Setting,
         open: &mut impl FnMut() -> Opened,
     ) -> Duration {
-        let wait = self.advance(session, setting, open);
         setting.asks_later = session.sdo_poller.is_held(session.now_ns);
-        wait
-    }
-
-    fn advance(
-        &mut self,
-        session: &mut Session,
-        setting: &mut Setting,
-        open: &mut impl FnMut() -> Opened,
-    ) -> Duration {
         let Some(bus) = &mut self.bus else {
             // Without a bus, this PC's clock advances the time, so that the values age.
             session.now_ns = self.last_step.1 + self.last_step.0.elapsed().as_nanos() as u64;
             session.joint.tick(session.now_ns);
             if self.tried.elapsed() >= REOPEN_PERIOD {
-                self.reopen(session, setting, open);
+                self.tried = Instant::now();
+                setting.gone = match open() {
+                    Ok(opened) => {
+                        self.bus = Some(opened);
+                        session.joint.log(session.now_ns, EventKind::Good, "the bus is back");
+                        session.sdo_poller.wake(session.now_ns);
+                        None
+                    }
+                    Err(why) => Some(why.to_string()),
+                };
             }
             return Duration::from_nanos(RECEIVE_STEP_NS);
         };
@@ -76,23 +75,5 @@ impl Connection {
             }
         }
         Duration::ZERO
-    }
-
-    fn reopen(
-        &mut self,
-        session: &mut Session,
-        setting: &mut Setting,
-        open: &mut impl FnMut() -> Opened,
-    ) {
-        match open() {
-            Ok(opened) => {
-                self.bus = Some(opened);
-                setting.gone = None;
-                session.joint.log(session.now_ns, EventKind::Good, "the bus is back");
-                session.sdo_poller.wake(session.now_ns);
-            }
-            Err(why) => setting.gone = Some(why.to_string()),
-        }
-        self.tried = Instant::now();
     }
 }

@@ -4,29 +4,22 @@
 //! reception, so a view can show its age: a silent joint must not look like a joint at rest. The driver's own code
 //! ([`SampleAssembler`]) checks the SYNCs. Emergencies report new faults and limits at once; objects report the earlier ones.
 
-mod missing;
+mod view;
 
 use super::quantity::Quantity;
-use super::rates::{PerSecond, Rates};
-use super::sdo_poller::{Request, SdoReply};
+use super::rates::Rates;
+use super::sdo_poller::{FAILED_SELF_TEST, FAULTS, LIMITS, STATE, SdoReply, UPDATE_KEY};
 use super::series::Series;
-use super::view_data::{
-    Band, Codes, Event, EventKind, Heartbeat, LearntLevels, Lens, Network, Reading, SyncCounts,
-    View,
-};
+use super::view_data::{Event, EventKind, SyncCounts};
 use crate::bus::{BitRates, Received};
-use canopen_rs::NmtState;
+use crate::codes::{FIRST_FAULT, FIRST_LIMIT, ReportedState, code_name};
 use canopen_rs::emcy::EmergencyMessage;
 use canopen_rs::nmt::decode_heartbeat;
-use compensator_core::adaptation::{FOLLOWED, Frozen};
+use canopen_rs::{Address, NmtState};
 use compensator_core::can::{
     Frame, JointKind, Message, NodeId, SampleAssembler, SyncFrame, SyncOutcome, TraceEntry,
 };
 use compensator_core::compensator::Flags;
-use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::{
-    AdaptationObject, NetworkObject, ProgramObject, StateObject,
-};
 use firmware::supervisor::{Code, SelfTest};
 use firmware::update::PUBLISHED_KEY;
 use joint_trace::CanFrame;
@@ -38,29 +31,6 @@ const MAX_EVENTS: usize = 500;
 const SYNC_PAUSE_NS: u64 = 1_000_000_000;
 /// Time without a frame after which a joint counts as silent, ns, unless its heartbeat is slower.
 const SILENCE_TIMEOUT_NS: u64 = 3_000_000_000;
-/// Age after which objects are stale, ns: four polling rounds.
-const OBJECTS_STALE_NS: u64 = 2_000_000_000;
-
-/// Returns the age of a time, s.
-fn age_s(at_ns: u64, now_ns: u64) -> f64 {
-    now_ns.saturating_sub(at_ns) as f64 * 1e-9
-}
-
-/// Returns the learnt friction levels; `None` if the joint learns none.
-fn learnt_levels(object: &impl Fn(u16, u8) -> Option<u32>) -> Option<LearntLevels> {
-    object(index::ADAPTATION, AdaptationObject::MODE).filter(|mode| *mode != 0)?;
-    let state = object(index::ADAPTATION, AdaptationObject::FROZEN)?;
-    let follows = object(index::ADAPTATION, AdaptationObject::FOLLOWS).unwrap_or_default();
-    Some(LearntLevels {
-        state: Frozen::ALL.get(state as usize).map(|reason| reason.name()),
-        level: object(index::LEARNT_GAINS, 1).map(f32::from_bits),
-        viscous: object(index::LEARNT_GAINS, 2).map(f32::from_bits),
-        follows: (follows as usize)
-            .checked_sub(1)
-            .and_then(|place| FOLLOWED.get(place))
-            .map(|quantity| quantity.info().label),
-    })
-}
 
 /// The state of a joint.
 #[derive(Debug)]
@@ -94,7 +64,8 @@ pub struct JointView {
     emergencies: u64,
     error_frames: u64,
     events: VecDeque<Event>,
-    event_count: u64,
+    /// Number of events logged so far.
+    pub(super) event_count: u64,
 }
 
 impl JointView {
@@ -178,12 +149,8 @@ impl JointView {
         has_news
     }
 
-    /// Counts a frame that the monitor sent, which is part of the bus load.
-    pub fn sent(&mut self, time_ns: u64, frame: &CanFrame) {
-        self.count(time_ns, frame);
-    }
-
-    fn count(&mut self, time_ns: u64, frame: &CanFrame) {
+    /// Counts a frame of any node, the monitor included, which is part of the bus load.
+    pub fn count(&mut self, time_ns: u64, frame: &CanFrame) {
         let slot = self.rates.at(time_ns);
         slot.frames += 1;
         slot.wire_ns += BitRates::FASTEST.duration_ns(frame);
@@ -291,7 +258,7 @@ impl JointView {
         } else {
             self.codes.remove(&number);
         }
-        let fault = number <= 32;
+        let fault = number < FIRST_LIMIT;
         let what = if fault { "fault" } else { "limit" };
         let name = code_name(number);
         let kind = match (raised, fault) {
@@ -302,7 +269,7 @@ impl JointView {
         let text = match (raised, Code::from_number(number)) {
             (true, Some(Code::SelfTestFailed)) => {
                 let test = u32::from(message.vendor_specific[2]);
-                let place = (index::STATE, StateObject::FAILED_SELF_TEST);
+                let place = (FAILED_SELF_TEST.index, FAILED_SELF_TEST.subindex);
                 self.objects.insert(place, (time_ns, test));
                 format!("{what} {name} ({code:04X}h): test {}", self_test_name(test))
             }
@@ -318,7 +285,7 @@ impl JointView {
     /// Processes the reply to a request.
     pub fn on_reply(&mut self, reply: SdoReply, now_ns: u64) {
         match reply {
-            SdoReply::Value(at, value) => self.object(at.index, at.subindex, value, now_ns),
+            SdoReply::Value(at, value) => self.object(at, value, now_ns),
             SdoReply::Done(request) => {
                 self.log(now_ns, EventKind::Good, format!("{}: done", request.name()));
             }
@@ -334,21 +301,21 @@ impl JointView {
         }
     }
 
-    fn object(&mut self, at_index: u16, place: u8, value: u32, now_ns: u64) {
-        let before = self.objects.insert((at_index, place), (now_ns, value));
-        match (at_index, place) {
-            (index::STATE, 2) if before.is_some_and(|(_, before)| before != value) => {
-                let kind = if value == 2 { EventKind::Fault } else { EventKind::Note };
-                self.log(now_ns, kind, format!("state {}", state_name(value)));
+    fn object(&mut self, at: Address, value: u32, now_ns: u64) {
+        let before = self.objects.insert((at.index, at.subindex), (now_ns, value));
+        match at {
+            STATE if before.is_some_and(|(_, before)| before != value) => {
+                let state = ReportedState::from_number(value);
+                let is_fault = state == ReportedState::Fault;
+                let kind = if is_fault { EventKind::Fault } else { EventKind::Note };
+                self.log(now_ns, kind, format!("state {}", state.name()));
             }
-            (index::PROGRAM, ProgramObject::UPDATE_KEY)
-                if value == PUBLISHED_KEY && before.is_none() =>
-            {
+            UPDATE_KEY if value == PUBLISHED_KEY && before.is_none() => {
                 let text = "the joint accepts the published test key: anyone can install a program";
                 self.log(now_ns, EventKind::Warning, text);
             }
-            (index::STATE, 3) => self.replace_codes(1, value),
-            (index::STATE, 4) => self.replace_codes(33, value),
+            FAULTS => self.replace_codes(FIRST_FAULT, value),
+            LIMITS => self.replace_codes(FIRST_LIMIT, value),
             _ => {}
         }
     }
@@ -393,123 +360,10 @@ impl JointView {
         self.series.each_mut().map(Series::take_line_range)
     }
 
-    /// Sets the name of the bus for the commands that have missing frames sent.
-    pub fn set_bus(&mut self, name: &str) {
+    /// Sets the name of the bus for the commands that have missing frames sent, and its bit rate, bit/s, above 0.
+    pub fn set_bus(&mut self, name: &str, bit_rate: u32) {
         name.clone_into(&mut self.bus);
-    }
-
-    /// Sets the bit rate for the bus load, bit/s, above 0.
-    pub fn set_bit_rate(&mut self, bit_rate: u32) {
         self.load_scale = f64::from(BitRates::FASTEST.nominal) / f64::from(bit_rate.max(1));
-    }
-
-    /// Returns the number of events logged so far.
-    pub const fn event_count(&self) -> u64 {
-        self.event_count
-    }
-
-    /// Returns the view at a time.
-    pub fn view(&self, now_ns: u64, lens: &Lens) -> View {
-        let object =
-            |index: u16, place: u8| self.objects.get(&(index, place)).map(|(_, value)| *value);
-        let age = |index: u16, place: u8| {
-            self.objects.get(&(index, place)).map(|(at_ns, _)| age_s(*at_ns, now_ns))
-        };
-        let state_age_s = age(index::STATE, 2);
-        let names = |from: u8, to: u8| {
-            self.codes.iter().filter(|n| (from..=to).contains(n)).map(|n| code_name(*n)).collect()
-        };
-        let stale_s = OBJECTS_STALE_NS as f64 * 1e-9;
-        View {
-            node: self.node.number(),
-            time_ns: now_ns,
-            elapsed_s: age_s(self.start_ns, now_ns),
-            window_s: lens.window_s,
-            last_frame_age_s: self.last_frame_ns.map(|at_ns| age_s(at_ns, now_ns)),
-            silent: self.silent,
-            nmt: self.nmt.map(nmt_name),
-            heartbeat: Heartbeat {
-                age_s: self.heartbeat_ns.map(|at_ns| age_s(at_ns, now_ns)),
-                period_s: self.heartbeat_step_ns.map(|step_ns| step_ns as f64 * 1e-9),
-                late: (self.heartbeat_ns)
-                    .is_some_and(|at_ns| now_ns.saturating_sub(at_ns) > self.heartbeat_limit_ns()),
-            },
-            state: object(index::STATE, 2).map(state_name),
-            source: object(index::OPERATION, 1).map(|source| match source {
-                0 => "its sensors",
-                1 => "the bus",
-                _ => "unknown",
-            }),
-            accepts_test_key: object(index::PROGRAM, ProgramObject::UPDATE_KEY)
-                .map(|key| key == PUBLISHED_KEY),
-            objects_age_s: state_age_s,
-            objects_stale: state_age_s.is_some_and(|age_s| age_s > stale_s),
-            codes: Codes {
-                faults: names(1, 32),
-                limits: names(33, 64),
-                read: age(index::STATE, 3).is_some() && age(index::STATE, 4).is_some(),
-                failed_self_test: object(index::STATE, StateObject::FAILED_SELF_TEST)
-                    .filter(|number| *number != 0)
-                    .map(self_test_name),
-            },
-            flags: self.flags.map(|(at_ns, flags)| {
-                let stale = self.series[Quantity::Friction as usize].stale_ns();
-                let age_s = age_s(at_ns, now_ns);
-                (flag_names(flags), age_s, age_s > stale as f64 * 1e-9)
-            }),
-            band: object(index::WATCH, 1).map(|in_band| Band {
-                in_band: in_band != 0,
-                windows: object(index::WATCH, 2).unwrap_or(0),
-                windows_out: object(index::WATCH, 3).unwrap_or(0),
-                largest_in_bands: object(index::WATCH, 5).map(f32::from_bits),
-            }),
-            learnt: learnt_levels(&object),
-            network: object(index::NETWORK, NetworkObject::PRESENT).filter(|has| *has != 0).map(
-                |_| {
-                    let number = |place| object(index::NETWORK, place);
-                    Network {
-                        outside: number(NetworkObject::OUTSIDE).is_some_and(|outside| outside != 0),
-                        outside_count: number(NetworkObject::OUTSIDE_COUNT).unwrap_or(0),
-                        share: number(NetworkObject::SHARE).map(f32::from_bits),
-                    }
-                },
-            ),
-            readings: Quantity::ALL.map(|quantity| self.reading(quantity, now_ns, lens)),
-            rates: {
-                let rates = self.rates.per_second(now_ns);
-                PerSecond { load: rates.load * self.load_scale, ..rates }
-            },
-            bit_rate: (f64::from(BitRates::FASTEST.nominal) / self.load_scale).round() as u32,
-            syncs: self.syncs,
-            sync_age_s: self.last_sync_ns.map(|at_ns| age_s(at_ns, now_ns)),
-            emergencies: self.emergencies,
-            error_frames: self.error_frames,
-            events: self.events.iter().rev().take(lens.events).rev().cloned().collect(),
-        }
-    }
-
-    fn reading(&self, quantity: Quantity, now_ns: u64, lens: &Lens) -> Reading {
-        let series = &self.series[quantity as usize];
-        let window_ns = (lens.window_s * 1e9) as u64;
-        let (columns, bridged) = series.columns(now_ns, window_ns, lens.columns);
-        let age = series.last().map(|(at_ns, _)| now_ns.saturating_sub(at_ns));
-        Reading {
-            quantity,
-            unit: quantity.unit(self.kind),
-            value: series.last().map(|(_, value)| value),
-            unmeasured: series.is_unmeasured(),
-            missing: self.missing_frame(quantity, now_ns),
-            age_s: age.map(|age_ns| age_ns as f64 * 1e-9),
-            stale: age.is_some_and(|age_ns| age_ns > series.stale_ns()),
-            range: series.range(),
-            columns,
-            bridged,
-        }
-    }
-
-    /// Logs a request that is being sent.
-    pub fn requested(&mut self, request: Request, now_ns: u64) {
-        self.log(now_ns, EventKind::Note, format!("{}: requested", request.name()));
     }
 }
 
@@ -521,19 +375,6 @@ fn self_test_name(number: u32) -> String {
     }
 }
 
-/// Returns the name of a code, or its number if it is unknown.
-fn code_name(number: u8) -> String {
-    Code::from_number(number).map_or_else(|| format!("code-{number}"), |c| c.info().name.to_owned())
-}
-
-/// Returns the names of flags. Unknown flags of a newer driver are named by their bit.
-fn flag_names(flags: Flags) -> Vec<String> {
-    let known = flags.iter_names().map(|(name, _)| name.to_lowercase().replace('_', "-"));
-    let rest = flags.bits() & !Flags::all().bits();
-    let unknown = (0..32).filter(|bit| rest >> bit & 1 != 0).map(|bit| format!("flag-{bit}"));
-    known.chain(unknown).collect()
-}
-
 /// Returns the name of a network state.
 fn nmt_name(state: NmtState) -> &'static str {
     match state {
@@ -541,16 +382,6 @@ fn nmt_name(state: NmtState) -> &'static str {
         NmtState::Stopped => "stopped",
         NmtState::Operational => "operational",
         NmtState::PreOperational => "pre-operational",
-    }
-}
-
-/// Returns the name of a joint state.
-fn state_name(value: u32) -> &'static str {
-    match value {
-        0 => "safe",
-        1 => "armed",
-        2 => "FAULT",
-        _ => "unknown",
     }
 }
 

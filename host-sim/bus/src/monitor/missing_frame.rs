@@ -4,6 +4,8 @@
 //! a user has to remove them: the joint itself, SYNC, NMT start, the frame of the quantity.
 
 use super::quantity::Quantity;
+use crate::canopen::download_request;
+use canopen_rs::Address;
 use compensator_core::can::NodeId;
 use compensator_core::can::cob_id;
 use firmware::node::dictionary::index;
@@ -13,10 +15,6 @@ use firmware::node::dictionary::records::OperationObject;
 const HEARTBEAT: u16 = 0x700;
 /// Identifier of network management (NMT) commands.
 const NMT: u16 = 0x000;
-/// SDO command: write four bytes.
-const WRITE_4: u8 = 0x23;
-/// SDO command: write one byte.
-const WRITE_1: u8 = 0x2F;
 
 /// State of a joint's traffic.
 #[derive(Clone, Copy, Debug)]
@@ -76,14 +74,15 @@ impl MissingFrame {
             }
             Quantity::Current | Quantity::Residual => {
                 // Telemetry is usually off because its rate is 0.
-                let place = (index::OPERATION, OperationObject::TELEMETRY_EVERY);
-                let command = traffic.write(WRITE_1, place, 1);
+                let rate = Address::new(index::OPERATION, OperationObject::TELEMETRY_EVERY);
+                let command = traffic.write(rate, &[1]);
                 return frame("Telemetry", cob_id::TPDO_3 + number, command);
             }
         };
         // The frame is switched off: its object holds an unused identifier.
         let identifier = base + number;
-        frame(name, identifier, traffic.write(WRITE_4, (object, 1), u32::from(identifier)))
+        let enabled = u32::from(identifier).to_le_bytes();
+        frame(name, identifier, traffic.write(Address::new(object, 1), &enabled))
     }
 }
 
@@ -103,11 +102,9 @@ impl Traffic<'_> {
     }
 
     /// Returns the command that writes an object of the joint.
-    fn write(&self, how: u8, (object, place): (u16, u8), value: u32) -> String {
-        let [low, high] = object.to_le_bytes();
-        let mut data = vec![how, low, high, place];
-        data.extend(value.to_le_bytes());
-        self.send(cob_id::SDO_REQUEST + u16::from(self.node.number()), &data)
+    fn write(&self, at: Address, value: &[u8]) -> String {
+        let request = download_request(at, value);
+        self.send(cob_id::SDO_REQUEST + u16::from(self.node.number()), &request)
     }
 }
 

@@ -3,16 +3,15 @@
 //! Old values are dimmed and show their age everywhere, so that a silent joint does not look healthy.
 
 use super::view_data::{Event, EventKind, Reading, View};
+use crate::codes::ReportedState;
 
 /// Settings of the screen.
 #[derive(Clone, Debug, Default)]
 pub struct Setting {
     /// Name of the bus.
     pub bus: String,
-    /// True for a simulation in this process.
+    /// True for a simulation in this process, whose time counts from its start. That of a real bus counts from the epoch.
     pub demo: bool,
-    /// True if the bus time counts from the epoch; otherwise it counts from the start.
-    pub epoch: bool,
     /// Reason for a closed bus; `None` if it is open.
     pub gone: Option<String>,
     /// True during a polling pause for another client.
@@ -119,10 +118,10 @@ pub fn header(view: &View, listen: bool, setting: &Setting, width: usize) -> Row
 }
 
 /// Formats the time of an event: time of day in UTC, or s from the start.
-fn stamp(time_ns: u64, epoch: bool) -> String {
+fn stamp(time_ns: u64, setting: &Setting) -> String {
     let seconds = time_ns / 1_000_000_000;
     let millis = time_ns / 1_000_000 % 1000;
-    if !epoch {
+    if setting.demo {
         return format!("{seconds:>5}.{millis:03}");
     }
     let of_day = seconds % 86_400;
@@ -137,7 +136,7 @@ pub fn event(event: &Event, setting: &Setting) -> Row {
         EventKind::Good => Mark::Good,
         EventKind::Note => Mark::Plain,
     };
-    let time = part(format!(" {}  ", stamp(event.time_ns, setting.epoch)), Mark::Dim);
+    let time = part(format!(" {}  ", stamp(event.time_ns, setting)), Mark::Dim);
     vec![time, part(event.text.as_str(), mark)]
 }
 
@@ -234,10 +233,10 @@ fn state(rows: &mut Labelled, view: &View, listen: bool, setting: &Setting) {
         None if listen => vec![part("not read: listening", Mark::Dim)],
         None if setting.asks_later => vec![part("another client asks", Mark::Dim)],
         None => vec![part("not read yet", Mark::Dim)],
-        Some(_) if view.objects_stale => vec![part(view.state.unwrap_or_default(), Mark::Dim)],
-        Some("FAULT") => vec![part("FAULT", Mark::Alarm)],
-        Some("armed") => vec![part("ARMED", Mark::Armed)],
-        Some(other) => vec![part(other, Mark::Bold)],
+        Some(state) if view.objects_stale => vec![part(state.name(), Mark::Dim)],
+        Some(ReportedState::Fault) => vec![part("FAULT", Mark::Alarm)],
+        Some(ReportedState::Armed) => vec![part("ARMED", Mark::Armed)],
+        Some(other) => vec![part(other.name(), Mark::Bold)],
     };
     if let (true, Some(age_s)) = (view.objects_stale, view.objects_age_s) {
         state.push(part(format!(" {} OLD", age(age_s)), Mark::Warning));
@@ -297,14 +296,14 @@ fn flag_text(name: &str) -> String {
 fn model(rows: &mut Labelled, view: &View) {
     match &view.flags {
         None => rows.put("flags", vec![part("no data yet", Mark::Dim)]),
-        Some((_, age_s, true)) => {
-            rows.put("flags", vec![part(format!("{} OLD", age(*age_s)), Mark::Warning)]);
+        Some(flags) if flags.is_stale => {
+            rows.put("flags", vec![part(format!("{} OLD", age(flags.age_s)), Mark::Warning)]);
         }
-        Some((names, ..)) if names.is_empty() => {
+        Some(flags) if flags.names.is_empty() => {
             rows.put("flags", vec![part("none", Mark::Good)]);
         }
-        Some((names, ..)) => {
-            let words: Vec<String> = names.iter().map(|name| flag_text(name)).collect();
+        Some(flags) => {
+            let words: Vec<String> = flags.names.iter().map(|name| flag_text(name)).collect();
             rows.names("flags", &words, Mark::Warning);
         }
     }
@@ -313,8 +312,11 @@ fn model(rows: &mut Labelled, view: &View) {
         None => vec![part("not read", Mark::Dim)],
         Some(band) if band.windows == 0 => vec![part("no windows yet", Mark::Dim)],
         Some(band) => {
-            let (word, mark) =
-                if band.in_band { ("in band", Mark::Good) } else { ("OUT OF BAND", Mark::Bad) };
+            let (word, mark) = match band.in_band {
+                Some(true) => ("in band", Mark::Good),
+                Some(false) => ("OUT OF BAND", Mark::Bad),
+                None => ("not evaluated yet", Mark::Dim),
+            };
             vec![part(word, if old { Mark::Dim } else { mark })]
         }
     };

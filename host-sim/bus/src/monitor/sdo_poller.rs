@@ -8,7 +8,7 @@
 //! another client, and evaluates the answers to that client too. A joint that does not answer is polled less often, and a
 //! stopped joint not at all. A monitor that only listens sends nothing.
 
-use crate::canopen::reason_in_words;
+use crate::canopen::{download_request, expedited, reason_in_words};
 use canopen_rs::Address;
 use canopen_rs::sdo::{
     decode_abort, decode_data_segment, decode_upload_initiate_segmented_response,
@@ -17,7 +17,7 @@ use canopen_rs::sdo::{
 use compensator_core::can::{Frame, Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{
-    AdaptationObject, NetworkObject, ProgramObject, StateObject,
+    AdaptationObject, NetworkObject, OperationObject, ProgramObject, StateObject,
 };
 use std::collections::VecDeque;
 
@@ -34,22 +34,37 @@ const TRACE_PAUSE_NS: u64 = 20_000_000;
 /// Sending pause after a full bus, ns.
 const FULL_BUS_PAUSE_NS: u64 = 10_000_000_000;
 
+/// State of the joint, with its active faults and limits as bits.
+pub(super) const STATE: Address = Address::new(index::STATE, 2);
+pub(super) const FAULTS: Address = Address::new(index::STATE, 3);
+pub(super) const LIMITS: Address = Address::new(index::STATE, 4);
+pub(super) const FAILED_SELF_TEST: Address =
+    Address::new(index::STATE, StateObject::FAILED_SELF_TEST);
+/// The residual watch.
+pub(super) const IN_BAND: Address = Address::new(index::WATCH, 1);
+pub(super) const WINDOWS: Address = Address::new(index::WATCH, 2);
+pub(super) const WINDOWS_OUT_OF_BAND: Address = Address::new(index::WATCH, 3);
+pub(super) const LARGEST_IN_BANDS: Address = Address::new(index::WATCH, 5);
+/// Source of the inputs, and the key whose programs the joint accepts.
+pub(super) const SOURCE: Address = Address::new(index::OPERATION, OperationObject::SOURCE);
+pub(super) const UPDATE_KEY: Address = Address::new(index::PROGRAM, ProgramObject::UPDATE_KEY);
+
 /// Objects read in a polling round.
 pub const POLLED_OBJECTS: [Address; 19] = [
-    Address::new(index::STATE, 2),
-    Address::new(index::STATE, 3),
-    Address::new(index::STATE, 4),
-    Address::new(index::STATE, StateObject::FAILED_SELF_TEST),
-    Address::new(index::WATCH, 1),
-    Address::new(index::WATCH, 2),
-    Address::new(index::WATCH, 3),
-    Address::new(index::WATCH, 5),
-    Address::new(index::OPERATION, 1),
+    STATE,
+    FAULTS,
+    LIMITS,
+    FAILED_SELF_TEST,
+    IN_BAND,
+    WINDOWS,
+    WINDOWS_OUT_OF_BAND,
+    LARGEST_IN_BANDS,
+    SOURCE,
     Address::new(index::NETWORK, NetworkObject::PRESENT),
     Address::new(index::NETWORK, NetworkObject::OUTSIDE),
     Address::new(index::NETWORK, NetworkObject::OUTSIDE_COUNT),
     Address::new(index::NETWORK, NetworkObject::SHARE),
-    Address::new(index::PROGRAM, ProgramObject::UPDATE_KEY),
+    UPDATE_KEY,
     Address::new(index::ADAPTATION, AdaptationObject::MODE),
     Address::new(index::ADAPTATION, AdaptationObject::FROZEN),
     Address::new(index::ADAPTATION, AdaptationObject::FOLLOWS),
@@ -217,11 +232,9 @@ impl SdoPoller {
         let reading = matches!(&self.pending, Some(Pending { job: Job::Read, .. }) | None);
         if reading && let Some(request) = self.requests.pop_front() {
             self.round.clear();
-            let at = Address::new(index::STATE, 1);
+            let at = Address::new(index::STATE, StateObject::REQUEST);
             self.await_answer(at, Job::Write(request), now_ns);
-            let [low, high] = at.index.to_le_bytes();
-            // Expedited transfer of one byte.
-            return Some([0x2F, low, high, at.subindex, request as u8, 0, 0, 0]);
+            return Some(download_request(at, &[request as u8]));
         }
         if self.pending.is_some() || self.is_held(now_ns) || !serves {
             return None;
@@ -318,15 +331,6 @@ impl SdoPoller {
             _ => Some(SdoReply::Refused(request, code, reason_in_words(&text))),
         }
     }
-}
-
-/// Returns the value of an expedited answer, with or without its size.
-fn expedited(answer: &[u8; 8]) -> Option<&[u8]> {
-    if answer[0] & 0xE2 != 0x42 {
-        return None;
-    }
-    let unused = if answer[0] & 1 != 0 { usize::from(answer[0] >> 2 & 3) } else { 0 };
-    answer.get(4..8 - unused)
 }
 
 #[cfg(test)]

@@ -29,12 +29,14 @@ struct Bucket {
 #[derive(Clone, Debug, Default)]
 pub struct Series {
     buckets: VecDeque<Bucket>,
-    last: Option<(u64, f32)>,
-    /// True if the latest value was NaN: the quantity is not measured.
-    unmeasured: bool,
+    /// Time, ns, and value of the latest one.
+    pub last: Option<(u64, f32)>,
+    /// True if the joint reports the quantity as not measured: the latest value was NaN.
+    pub is_unmeasured: bool,
     /// Usual time between values, ns.
     step_ns: Option<f64>,
-    range: Option<[f32; 2]>,
+    /// Minimum and maximum since the last reset.
+    pub range: Option<[f32; 2]>,
     line_range: Option<[f32; 2]>,
 }
 
@@ -46,8 +48,8 @@ fn widen(range: &mut Option<[f32; 2]>, value: f32) {
 impl Series {
     /// Adds a value. A value that is not finite means that the quantity is not measured.
     pub fn push(&mut self, time_ns: u64, value: f32) {
-        self.unmeasured = !value.is_finite();
-        if self.unmeasured {
+        self.is_unmeasured = !value.is_finite();
+        if self.is_unmeasured {
             return;
         }
         if let Some((before_ns, _)) = self.last {
@@ -75,25 +77,10 @@ impl Series {
         }
     }
 
-    /// Returns the latest value and its time.
-    pub const fn last(&self) -> Option<(u64, f32)> {
-        self.last
-    }
-
-    /// Returns true if the quantity is reported as not measured.
-    pub const fn is_unmeasured(&self) -> bool {
-        self.unmeasured
-    }
-
     /// Returns the age after which a value is stale, ns.
     pub fn stale_ns(&self) -> u64 {
         let habit_ns = self.step_ns.map_or(0.0, |step_ns| GAP_PERIODS * step_ns);
         (habit_ns as u64).max(STALE_NS)
-    }
-
-    /// Returns the minimum and maximum since the last reset.
-    pub const fn range(&self) -> Option<[f32; 2]> {
-        self.range
     }
 
     /// Resets the minimum and maximum.
@@ -155,10 +142,10 @@ mod tests {
             let peaks = columns.iter().flatten().filter(|[_, most]| *most == 9.0).count();
             assert_eq!(peaks, 1, "{window_s}");
         }
-        assert_eq!(series.range(), Some([1.0, 9.0]));
+        assert_eq!(series.range, Some([1.0, 9.0]));
         series.reset_range();
         series.push(20_001 * MS, 2.0);
-        assert_eq!(series.range(), Some([2.0, 2.0]));
+        assert_eq!(series.range, Some([2.0, 2.0]));
         assert_eq!(series.take_line_range(), Some([1.0, 9.0]));
         assert_eq!(series.take_line_range(), None);
     }
@@ -195,10 +182,10 @@ mod tests {
         let mut series = Series::default();
         series.push(0, 1.0);
         series.push(MS, f32::NAN);
-        assert!(series.is_unmeasured());
-        assert_eq!((series.last(), series.range()), (Some((0, 1.0)), Some([1.0, 1.0])));
+        assert!(series.is_unmeasured);
+        assert_eq!((series.last, series.range), (Some((0, 1.0)), Some([1.0, 1.0])));
         series.push(2 * MS, 2.0);
-        assert!(!series.is_unmeasured());
+        assert!(!series.is_unmeasured);
     }
 
     #[test]

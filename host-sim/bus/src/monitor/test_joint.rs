@@ -55,7 +55,7 @@ pub fn model() -> JointView {
 }
 
 pub fn setting() -> Setting {
-    Setting { bus: "can0".into(), epoch: true, ..Setting::default() }
+    Setting { bus: "can0".into(), ..Setting::default() }
 }
 
 pub fn seen(model: &JointView, at_ms: u64) -> View {

@@ -3,6 +3,8 @@
 use super::missing_frame::MissingFrame;
 use super::quantity::Quantity;
 use super::rates::PerSecond;
+use crate::codes::ReportedState;
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 /// Extent of a view.
@@ -65,11 +67,22 @@ pub struct Codes {
     pub failed_self_test: Option<String>,
 }
 
+/// Flags of the compensator.
+#[derive(Clone, Debug)]
+pub struct ActiveFlags {
+    /// Names of the active ones.
+    pub names: Vec<String>,
+    /// Age of the last status, s.
+    pub age_s: f64,
+    /// True if the status is older than usual.
+    pub is_stale: bool,
+}
+
 /// State of the residual watch.
 #[derive(Clone, Copy, Debug)]
 pub struct Band {
-    /// True if the residual is inside the band of the model.
-    pub in_band: bool,
+    /// True if the residual is inside the band of the model; `None` until the joint has slid for long enough.
+    pub in_band: Option<bool>,
     /// Number of evaluated windows.
     pub windows: u32,
     /// Number of windows outside the band.
@@ -114,7 +127,8 @@ pub struct SyncCounts {
 }
 
 /// Kind of an event.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum EventKind {
     /// A fault.
     Fault,
@@ -157,7 +171,7 @@ pub struct View {
     /// Heartbeat.
     pub heartbeat: Heartbeat,
     /// State of the joint; `None` before it was read.
-    pub state: Option<&'static str>,
+    pub state: Option<ReportedState>,
     /// Source of the inputs.
     pub source: Option<&'static str>,
     /// The joint accepts programs of the published test key; `None` before it was read.
@@ -168,8 +182,8 @@ pub struct View {
     pub objects_stale: bool,
     /// Faults and limits.
     pub codes: Codes,
-    /// Names of the compensator's flags, their age in s, and true if they are stale.
-    pub flags: Option<(Vec<String>, f64, bool)>,
+    /// Flags of the compensator; `None` before the first status.
+    pub flags: Option<ActiveFlags>,
     /// Residual watch.
     pub band: Option<Band>,
     /// Friction levels that the joint learns; `None` if it learns none.
@@ -225,13 +239,8 @@ impl View {
             .events
             .iter()
             .map(|event| {
-                let kind = match event.kind {
-                    EventKind::Fault => "fault",
-                    EventKind::Warning => "warning",
-                    EventKind::Good => "good",
-                    EventKind::Note => "note",
-                };
-                json!({"time_s": event.time_ns as f64 * 1e-9, "kind": kind, "text": event.text})
+                let time_s = event.time_ns as f64 * 1e-9;
+                json!({"time_s": time_s, "kind": event.kind, "text": event.text})
             })
             .collect();
         let learnt = self.learnt.map(|learnt| {
@@ -253,7 +262,7 @@ impl View {
             "nmt": self.nmt,
             "heartbeat_age_s": self.heartbeat.age_s,
             "heartbeat_late": self.heartbeat.late,
-            "state": self.state.map(str::to_lowercase),
+            "state": self.state.map(|state| state.name().to_lowercase()),
             "input_source": self.source,
             "accepts_test_key": self.accepts_test_key,
             "objects_age_s": self.objects_age_s,
@@ -261,9 +270,9 @@ impl View {
             "faults": self.codes.faults,
             "limits": self.codes.limits,
             "codes_read": self.codes.read,
-            "flags": self.flags.as_ref().map(|(names, ..)| names),
-            "flags_stale": self.flags.as_ref().map(|(.., stale)| stale),
-            "model_in_band": self.band.filter(|band| band.windows > 0).map(|band| band.in_band),
+            "flags": self.flags.as_ref().map(|flags| &flags.names),
+            "flags_stale": self.flags.as_ref().map(|flags| flags.is_stale),
+            "model_in_band": self.band.filter(|band| band.windows > 0).and_then(|band| band.in_band),
             "windows": self.band.map(|band| band.windows),
             "windows_out_of_band": self.band.map(|band| band.windows_out),
             "largest_in_bands": number(self.band.and_then(|band| band.largest_in_bands)),

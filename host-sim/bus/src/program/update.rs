@@ -5,7 +5,7 @@
 //! replace the program, so nothing here protects the joint; it only saves time and reports reasons.
 
 use super::package::{Package, Release};
-use crate::bus::{Bus, BusError};
+use crate::bus::Bus;
 use crate::canopen::{Client, SdoError};
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
@@ -73,9 +73,6 @@ pub enum UpdateError {
     /// An object cannot be read or written.
     #[error(transparent)]
     Sdo(#[from] SdoError),
-    /// Error of the bus.
-    #[error(transparent)]
-    Bus(#[from] BusError),
     /// The node has one program only.
     #[error("node {0}: this board has no place for a second program")]
     NoUpdates(u8),
@@ -269,16 +266,14 @@ impl<'a, B: Bus> Update<'a, B> {
                 None => return Ok(resumed_at.unwrap_or_default()),
                 // Bytes of another master are in it.
                 Some(CRC_REFUSAL) => {}
-                Some(number) => return Err(self.refused(number)),
+                Some(number) => {
+                    let why = REFUSALS.get((number as usize).wrapping_sub(1)).copied();
+                    let (node, why) = (self.node, why.unwrap_or("unknown reason"));
+                    return Err(UpdateError::Refused { node, why });
+                }
             }
         }
         Err(UpdateError::Disturbed(self.node))
-    }
-
-    fn refused(&self, number: u32) -> UpdateError {
-        let place = (number as usize).wrapping_sub(1);
-        let why = REFUSALS.get(place).copied().unwrap_or("unknown reason");
-        UpdateError::Refused { node: self.node, why }
     }
 
     /// Returns the number of bytes of this package that the node has. Begins a new transfer if it has none.
@@ -400,7 +395,7 @@ impl<'a, B: Bus> Update<'a, B> {
         Err(UpdateError::Lost(self.node))
     }
 
-    fn pause(&mut self) -> Result<(), BusError> {
-        self.client.bus().discard_within(PAUSE)
+    fn pause(&mut self) -> Result<(), SdoError> {
+        Ok(self.client.bus().discard_within(PAUSE)?)
     }
 }

@@ -5,6 +5,7 @@
 //! in at least one bit, and is listed with both values.
 
 use super::CoreJoint;
+use super::plan::RecordedAnswer;
 use compensator_core::can::{
     AnswerFrame, Frame, Message, NodeId, StatusFrame, SyncFrame, TelemetryFrame,
 };
@@ -136,12 +137,8 @@ impl Check {
         self.given_up = self.waiting.len();
     }
 
-    /// Processes a received frame. Returns the number of the sample it completes, with its answer and status.
-    pub fn received(
-        &mut self,
-        frame: &Frame,
-        time_ns: u64,
-    ) -> Option<(u64, AnswerFrame, StatusFrame)> {
+    /// Processes a received frame. Returns the number of the sample that it completes, and what the driver answered.
+    pub fn received(&mut self, frame: &Frame, time_ns: u64) -> Option<(u64, RecordedAnswer)> {
         match Message::parse(frame).ok()? {
             Message::Answer(node, answer) if node == self.node => {
                 self.answer = Some(answer);
@@ -156,11 +153,7 @@ impl Check {
         }
     }
 
-    fn status(
-        &mut self,
-        status: StatusFrame,
-        time_ns: u64,
-    ) -> Option<(u64, AnswerFrame, StatusFrame)> {
+    fn status(&mut self, status: StatusFrame, time_ns: u64) -> Option<(u64, RecordedAnswer)> {
         let answer = self.answer.take();
         let number = |waiting: &Waiting| waiting.reply.status.sequence == status.sequence;
         let Some(place) = self.waiting.iter().position(number) else {
@@ -200,15 +193,16 @@ impl Check {
         }
         if status.flags != expected.status.flags {
             same = false;
-            let words = (format!("{:?}", status.flags), format!("{:?}", expected.status.flags));
-            self.show(sample.sample, "flags", words.0, words.1);
+            let [found, expected] =
+                [status.flags, expected.status.flags].map(|flags| format!("{flags:?}"));
+            self.show(sample.sample, "flags", found, expected);
         }
         if same {
             self.tally.equal += 1;
         } else {
             self.tally.mismatches += 1;
         }
-        Some((sample.sample, answer, status))
+        Some((sample.sample, RecordedAnswer { answer, status }))
     }
 
     fn telemetry(&mut self, telemetry: TelemetryFrame) {

@@ -1,6 +1,6 @@
 //! The joint in HIL whose answers a driver must match: the model of the core, and the adaptation of its levels.
 
-use compensator_core::adaptation::{Frozen, Gains};
+use compensator_core::adaptation::Frozen;
 use compensator_core::can::{Message, SyncFrame};
 use firmware::drive_settings::DriveSettings;
 use firmware::hil::{HilJoint, HilSetup, HilStep};
@@ -13,12 +13,6 @@ struct Learning {
     set: ParameterSet,
     settings: DriveSettings,
     learner: LevelLearner,
-}
-
-impl Learning {
-    fn restart(&mut self, sample_s: f32) {
-        self.learner.restart(&self.set, &self.settings, sample_s);
-    }
 }
 
 /// A joint in HIL as the driver computes it.
@@ -38,9 +32,9 @@ impl From<HilJoint> for CoreJoint {
 impl CoreJoint {
     /// Creates a joint that learns gains on the sizes of its set, as these settings of the drive select.
     pub fn with_adaptation(joint: HilJoint, set: ParameterSet, settings: DriveSettings) -> Self {
-        let mut learning = Learning { set, settings, learner: LevelLearner::default() };
-        learning.restart(joint.setup().period_s);
-        Self { joint, learning: Some(Box::new(learning)) }
+        let mut learner = LevelLearner::default();
+        learner.restart(&set, &settings, joint.setup().period_s);
+        Self { joint, learning: Some(Box::new(Learning { set, settings, learner })) }
     }
 
     /// Enables the compensator, at rest, or disables it.
@@ -53,17 +47,13 @@ impl CoreJoint {
         self.joint.setup()
     }
 
-    /// Returns the gains in use.
-    pub fn gains(&self) -> Gains<f32> {
-        self.learning.as_ref().map(|learning| learning.learner.gains().1).unwrap_or_default()
-    }
-
     /// Processes a message other than SYNC.
     pub fn take(&mut self, message: &Message) {
         if self.joint.take(message)
             && let Some(learning) = &mut self.learning
         {
-            learning.restart(self.joint.setup().period_s);
+            let Learning { set, settings, learner } = &mut **learning;
+            learner.restart(set, settings, self.joint.setup().period_s);
         }
     }
 

@@ -69,13 +69,23 @@ pub struct Plan {
     pub first_bad: Option<(u64, &'static str)>,
 }
 
-/// A recorded answer.
+/// An answer of a driver, in a log or in a replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecordedAnswer {
     /// TPDO 1.
     pub answer: AnswerFrame,
     /// TPDO 2.
     pub status: StatusFrame,
+}
+
+impl RecordedAnswer {
+    /// Returns true if all bits are those of another answer.
+    pub fn has_bits_of(&self, other: &Self) -> bool {
+        let bits = |of: &Self| {
+            [of.answer.friction_torque_nm, of.answer.feed_forward_current_a].map(f32::to_bits)
+        };
+        bits(self) == bits(other) && self.status == other.status
+    }
 }
 
 /// Error of a log that cannot be replayed; its message is one line.

@@ -9,7 +9,7 @@
 //! limited ([`MAX_OUTSTANDING_SAMPLES`]).
 
 use super::check::{Check, Tally};
-use super::plan::Plan;
+use super::plan::{Plan, RecordedAnswer};
 use crate::bus::{Bus, BusError, Received};
 use compensator_core::can::Frame;
 use joint_trace::CanFrame;
@@ -72,15 +72,7 @@ pub struct PlayResult {
     pub bursts: u64,
 }
 
-/// Progress of a replay.
-pub struct ReplayProgress {
-    /// Number of sent samples.
-    pub samples: u64,
-    /// Number of samples of the plan.
-    pub of: u64,
-}
-
-/// Plays a plan to the driver on a bus, and checks its answers.
+/// Plays a plan to the driver on a bus, and checks its answers. `report_progress` receives the number of sent samples.
 ///
 /// # Errors
 /// Returns an error if the bus is closed or has no room.
@@ -89,7 +81,7 @@ pub fn play(
     plan: &Plan,
     rate: Rate,
     mut check: Check,
-    report_progress: &mut dyn FnMut(ReplayProgress),
+    report_progress: &mut dyn FnMut(u64),
 ) -> Result<PlayResult, BusError> {
     let start_ns = bus.now_ns();
     let begin = Instant::now();
@@ -98,7 +90,7 @@ pub fn play(
     for planned in &plan.frames {
         let (due_ns, now_ns) = match rate {
             Rate::Times(times) => {
-                let due_ns = start_ns + (planned.due_ns as f64 / times) as u64;
+                let due_ns = start_ns.saturating_add((planned.due_ns as f64 / times) as u64);
                 (due_ns, player.wait(bus, &mut check, due_ns)?)
             }
             Rate::Max => {
@@ -126,7 +118,7 @@ pub fn play(
         if is_sync {
             samples += 1;
             if samples % 1000 == 0 {
-                report_progress(ReplayProgress { samples, of: plan.samples });
+                report_progress(samples);
             }
         }
     }
@@ -134,16 +126,20 @@ pub fn play(
     player.result.elapsed_ns = begin.elapsed().as_nanos() as u64;
     player.read_final_answers(bus, &mut check)?;
     let (tally, round_trips_ns) = check.finish();
-    let (recorded_equal, recorded) = player.recorded;
+    let (recorded, recorded_equal) = (player.recorded_answers, player.equal_to_recorded);
     let tally = Tally { recorded_equal, recorded, ..tally };
     Ok(PlayResult { tally, round_trips_ns, ..player.result })
 }
 
+#[derive(Default)]
 struct Player<'a> {
-    plan: &'a Plan,
+    /// Time between SYNCs of the plan, s, and its recorded answers by sample.
+    period_s: f64,
+    answers: &'a [Option<RecordedAnswer>],
     result: PlayResult,
-    /// Number of answers equal to recorded ones, and number of recorded answers.
-    recorded: (u64, u64),
+    /// Number of answers of which the log has one, and of those that are equal.
+    recorded_answers: u64,
+    equal_to_recorded: u64,
     /// Due time and send time of the last SYNC, ns.
     last_sync: Option<(u64, u64)>,
     /// Due time and send time of the last frame, ns.
@@ -158,16 +154,7 @@ struct Player<'a> {
 
 impl<'a> Player<'a> {
     fn new(plan: &'a Plan) -> Self {
-        Self {
-            plan,
-            result: PlayResult::default(),
-            recorded: (0, 0),
-            last_sync: None,
-            last: None,
-            timer_advance_ns: 0,
-            sent_since_read: 0,
-            silent_windows: 0,
-        }
+        Self { period_s: plan.period_s, answers: &plan.recorded, ..Self::default() }
     }
 
     /// Reads the answers that follow the last frame.
@@ -279,7 +266,7 @@ impl<'a> Player<'a> {
         if let Some((last_due_ns, last_ns)) = self.last_sync {
             let (planned_ns, taken_ns) = (due_ns - last_due_ns, now_ns - last_ns);
             self.result.jitter_ns.push(planned_ns.abs_diff(taken_ns));
-            let usual_ns = (self.plan.period_s * 1e9 / times) as u64;
+            let usual_ns = (self.period_s * 1e9 / times) as u64;
             self.result.bursts += u64::from(planned_ns > 0 && taken_ns < usual_ns / 5);
         }
         self.last_sync = Some((due_ns, now_ns));
@@ -293,18 +280,11 @@ impl<'a> Player<'a> {
     }
 
     fn take_frame(&mut self, check: &mut Check, frame: &Frame, time_ns: u64) {
-        let Some((sample, answer, status)) = check.received(frame, time_ns) else {
-            return;
-        };
+        let Some((sample, answer)) = check.received(frame, time_ns) else { return };
         self.silent_windows = 0;
-        let recorded = self.plan.recorded.get(sample as usize).copied().flatten();
-        if let Some(recorded) = recorded {
-            self.recorded.1 += 1;
-            let words = |answer: compensator_core::can::AnswerFrame| {
-                (answer.friction_torque_nm.to_bits(), answer.feed_forward_current_a.to_bits())
-            };
-            let same = words(answer) == words(recorded.answer) && status == recorded.status;
-            self.recorded.0 += u64::from(same);
+        if let Some(recorded) = self.answers.get(sample as usize).copied().flatten() {
+            self.recorded_answers += 1;
+            self.equal_to_recorded += u64::from(answer.has_bits_of(&recorded));
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use super::CoreJoint;
 use crate::bus::Bus;
-use crate::canopen::{Client, SdoError};
+use crate::canopen::{Client, SdoError, name};
+use crate::joint::JointError;
 use crate::parameters::{ParametersError, read_set, write_set};
 use canopen_rs::{Address, NmtCommand};
 use compensator_core::ParameterError;
@@ -13,7 +14,7 @@ use firmware::drive_settings::DriveSettings;
 use firmware::hil::{HilJoint, HilSetup, NumberType};
 use firmware::level_learner::OFF;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::AdaptationObject;
+use firmware::node::dictionary::records::{AdaptationObject, OperationObject};
 use firmware::node_settings::{InputSource, PERIOD_RANGE_S};
 
 /// Settings of a replay.
@@ -35,12 +36,18 @@ pub struct ReplaySetup {
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the messages name the fields")]
 pub enum SetupError {
+    /// A driver in this process does not start.
+    #[error("driver: {0}")]
+    Start(#[from] JointError),
     /// The driver refuses or does not answer.
     #[error(transparent)]
     Sdo(#[from] SdoError),
     /// The parameters cannot be read or written.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
+    /// The driver has a setting of a newer version.
+    #[error("{object}: found {found}, which this version does not know")]
+    Unknown { object: String, found: u32 },
     /// The core cannot be built from the parameters.
     #[error("{0}")]
     Build(ParameterError),
@@ -77,10 +84,9 @@ pub fn set_up<B: Bus>(
         client.write(at(index::ADAPTATION, AdaptationObject::MODE), &[mode])?;
     }
     let set = read_set(client)?;
-    let number = match client.read_number(at(index::OPERATION, 2))? {
-        0 => NumberType::Float,
-        _ => NumberType::Fixed,
-    };
+    let number_at = at(index::OPERATION, OperationObject::NUMBER);
+    let code = client.read_number(number_at)?;
+    let number = NumberType::from_code(code as u8).ok_or_else(|| unknown(number_at, code))?;
     let campaign_h = client.read_float(at(index::OPERATION, 4))?;
     let hil_setup = HilSetup { number, period_s: setup.period_s, campaign_h };
     let joint = HilJoint::build(node, &set.friction, set.network.as_ref(), hil_setup)
@@ -97,14 +103,19 @@ pub fn set_up<B: Bus>(
     Ok(core)
 }
 
+fn unknown(at: Address, found: u32) -> SetupError {
+    SetupError::Unknown { object: name(at), found }
+}
+
 /// Reads the settings of the adaptation; the other settings have their defaults.
 fn read_adaptation<B: Bus>(client: &mut Client<B>) -> Result<DriveSettings, SetupError> {
     let mut settings = DriveSettings::default();
     for (at_index, place) in DriveSettings::PLACES {
         if at_index == index::ADAPTATION {
-            let number = client.read_number(Address::new(at_index, place))?;
-            // The driver has checked its settings.
-            let _ = settings.set(at_index, place, number);
+            let at = Address::new(at_index, place);
+            let number = client.read_number(at)?;
+            let set = settings.set(at_index, place, number);
+            set.and_then(Result::ok).ok_or_else(|| unknown(at, number))?;
         }
     }
     Ok(settings)

@@ -68,7 +68,7 @@ impl Naming<'_> {
                 ),
             },
             pairs: pairs.into(),
-            missing: missing.iter().map(|column| column.name.to_owned()).collect(),
+            missing: missing.iter().map(|column| column.name).collect(),
             count: self.names.len(),
         }
     }

@@ -184,7 +184,7 @@ fn draw_in_special_states_shows_them() {
 #[test]
 fn draw_with_missing_frame_shows_its_name_and_command() {
     let mut waiting = JointView::new(NodeId::FIRST, 0);
-    waiting.set_bus("can0");
+    waiting.set_bus("can0", 1_000_000);
     for at in [0, 1000, 2000, 3000, 4000] {
         receive(&mut waiting, at, JointFrame::new(0x701, &[5]).unwrap());
     }

@@ -2,156 +2,22 @@
 
 use super::commissioning::commission;
 use super::driver::ALL_ENCODER_FAULTS;
+use super::encoder_fault_cases::Fault::{self, Chip, Hall};
+use super::encoder_fault_cases::Reaction::{Stops, Warns};
+use super::encoder_fault_cases::{
+    AS5047P, AS5048A, Case, KINDS, LOST, REVERSED, STUCK, Start, Stop, cases,
+};
 use super::encoder_kinds::{
-    ABZ, ABZ_HALL, BISS, HALL, SPEED_RAD_S, board, flag, is_position_known, joint, reach,
-    reach_speed, turn_by_hand,
+    ABZ, ABZ_HALL, HALL, SPEED_RAD_S, flag, is_position_known, joint, reach, reach_speed,
+    turn_by_hand,
 };
 use super::rig::{Joint, Master};
 use super::table::{ScenarioRow, check, outside_row, row};
 use firmware::node::dictionary::index;
 use firmware::sensors::SensorParameters;
-use joint_rig::{EncoderFault, HallFault, LineFault, SerialFault};
+use joint_rig::{EncoderFault, HallFault};
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
-
-const AS5047P: f32 = 0.0;
-const AS5048A: f32 = 1.0;
-
-/// Kinds of encoders: value of `encoder_kind`, and name.
-const KINDS: [(f32, &str); 6] = [
-    (AS5047P, "AS5047P"),
-    (AS5048A, "AS5048A"),
-    (ABZ, "ABZ"),
-    (ABZ_HALL, "ABZ and Hall sensors"),
-    (HALL, "Hall sensors alone"),
-    (BISS, "BiSS C"),
-];
-
-/// A fault of any encoder.
-#[derive(Clone, Copy)]
-enum Fault {
-    Chip(EncoderFault),
-    Lines(LineFault),
-    Hall(HallFault),
-    Serial(SerialFault),
-}
-
-impl Fault {
-    fn set(self, master: &mut Master) {
-        match self {
-            Self::Chip(fault) => board(master).set_encoder(fault),
-            Self::Lines(fault) => board(master).set_lines(fault),
-            Self::Hall(fault) => board(master).set_hall(fault),
-            Self::Serial(fault) => board(master).set_serial(fault),
-        }
-    }
-}
-
-/// What the driver does, within a time in ms.
-#[derive(Clone, Copy)]
-enum Reaction {
-    /// It opens the bridge with `encoder-lost`, and the position is unknown.
-    Stops(f64),
-    /// It drives on, and reports `encoder-magnet` or `encoder-coasting`.
-    Warns(f64),
-}
-
-use Fault::{Chip, Hall, Lines, Serial};
-use Reaction::{Stops, Warns};
-
-/// A fault in motion: its name, itself, the reaction, and whether the image runs it, too.
-type Case = (&'static str, Fault, Reaction, bool);
-
-/// 2 ms until the rotor is lost, a step of the background, and one of the master.
-const LOST_MS: f64 = 4.0;
-/// 16 samples, 0.8 ms.
-const FROZEN_MS: f64 = 3.0;
-/// The observer comes to rest in 12 ms, and 3 electrical turns take 3 ms each at 2.7 rad/s.
-const UNSEEN_MS: f64 = 30.0;
-
-/// Faults of an AS504x.
-const CHIP: [Case; 7] = [
-    ("line open", Chip(EncoderFault::High), Stops(LOST_MS), false),
-    ("line low", Chip(EncoderFault::Low), Stops(LOST_MS), false),
-    ("angle frozen", Chip(EncoderFault::Frozen), Stops(FROZEN_MS), false),
-    ("magnet off its shaft", Chip(EncoderFault::Detached), Stops(UNSEEN_MS), true),
-    ("every word disturbed", Chip(EncoderFault::Disturbed(1.0)), Stops(LOST_MS), false),
-    // Missing words in two reports in a row, of twenty each, are nearly sure.
-    ("5 % of the words disturbed", Chip(EncoderFault::Disturbed(0.05)), Warns(40.0), false),
-    ("angle jumps by a quarter of a turn", Chip(EncoderFault::Jump(4096)), Stops(LOST_MS), false),
-];
-
-/// Faults of an ABZ encoder, with Hall sensors and without.
-const LINES: [Case; 5] = [
-    // A contradiction of the Hall sensors in the first 0.8 ms leaves no angle for 2 ms.
-    ("lines missing", Lines(LineFault::Missing), Stops(FROZEN_MS + 2.0), true),
-    ("count jumps by a quarter of a turn", Lines(LineFault::Jump(1024)), Stops(LOST_MS), true),
-    // The next index, after 41 ms at most, and 10 ms between two looks.
-    ("30 counts lost", Lines(LineFault::Lost(30)), Warns(60.0), true),
-    ("index missing", Lines(LineFault::NoIndex), Warns(110.0), true),
-    ("every 50th edge lost or counted twice", Lines(LineFault::Noisy(0.02)), Warns(130.0), true),
-];
-
-/// Faults of Hall sensors alone.
-const HALLS: [Case; 5] = [
-    ("plug off", Hall(HallFault::Missing), Stops(LOST_MS), true),
-    // An illegal level within an electrical turn, 6 ms, and 2 ms until the rotor is lost.
-    ("a sensor stuck", Hall(HallFault::StuckSensor), Stops(10.0), true),
-    ("all levels stuck", Hall(HallFault::Frozen), Stops(UNSEEN_MS + 10.0), true),
-    ("levels jump by half an electrical turn", Hall(HallFault::Jump), Stops(LOST_MS), true),
-    ("a wrong level in 0.4 % of the periods", Hall(HallFault::Noisy(0.004)), Warns(130.0), false),
-];
-
-/// Faults of an encoder with BiSS C.
-const SERIAL: [Case; 9] = [
-    ("line open", Serial(SerialFault::Open), Stops(LOST_MS), true),
-    ("line low", Serial(SerialFault::Low), Stops(LOST_MS), true),
-    ("position frozen", Serial(SerialFault::Frozen), Stops(FROZEN_MS), true),
-    ("disc off its shaft", Serial(SerialFault::Detached), Stops(UNSEEN_MS), false),
-    ("every frame disturbed", Serial(SerialFault::Disturbed(1.0)), Stops(LOST_MS), true),
-    ("error bit", Serial(SerialFault::Error), Stops(LOST_MS), true),
-    // A report comes every millisecond, and 10 ms are between two looks.
-    ("5 % of the frames disturbed", Serial(SerialFault::Disturbed(0.05)), Warns(40.0), true),
-    ("warning bit", Serial(SerialFault::Warning), Warns(40.0), true),
-    (
-        "position jumps by a quarter of a turn",
-        Serial(SerialFault::Jump(0.25)),
-        Stops(LOST_MS),
-        true,
-    ),
-];
-
-/// Faults of one part of two, or that only one of two kinds bears.
-const LINE_A_OF_ABZ: Case = ("line A stuck", Lines(LineFault::StuckLine), Stops(UNSEEN_MS), true);
-const OF_BOTH: [Case; 5] = [
-    // The Hall sensors contradict the count after 85 degrees (electrical), 1.4 ms, and the start of a sector; then 2 ms until the
-    // rotor is lost.
-    ("line A stuck", Lines(LineFault::StuckLine), Stops(6.0), true),
-    ("Hall sensors' plug off", Hall(HallFault::Missing), Stops(LOST_MS), false),
-    ("a Hall sensor stuck", Hall(HallFault::StuckSensor), Stops(10.0), false),
-    ("all Hall levels stuck", Hall(HallFault::Frozen), Stops(6.0), false),
-    (
-        "a wrong Hall level in 0.4 % of the periods",
-        Hall(HallFault::Noisy(0.004)),
-        Warns(130.0),
-        true,
-    ),
-];
-
-fn cases(kind: f32) -> Vec<Case> {
-    let mut cases = match kind {
-        AS5047P | AS5048A => CHIP.to_vec(),
-        ABZ => LINES.map(|(what, fault, reaction, _)| (what, fault, reaction, false)).to_vec(),
-        ABZ_HALL => [&LINES[..], &OF_BOTH].concat(),
-        HALL => HALLS.to_vec(),
-        _ => SERIAL.to_vec(),
-    };
-    if kind == ABZ {
-        cases.push(LINE_A_OF_ABZ);
-    }
-    cases.retain(|case| ALL_ENCODER_FAULTS || case.3 && kind != AS5048A);
-    cases
-}
 
 pub fn rows() -> &'static [ScenarioRow] {
     static ROWS: LazyLock<Vec<ScenarioRow>> = LazyLock::new(|| {
@@ -161,14 +27,14 @@ pub fn rows() -> &'static [ScenarioRow] {
                 rows.extend(in_motion(kind, name, &case));
             }
         }
-        let on_board = |stop: &Stop| ALL_ENCODER_FAULTS || stop.0 == LOST.0;
-        for (kind, name, fault, stop) in REVERSED.into_iter().filter(|case| on_board(&case.3)) {
-            rows.extend(from_rest(kind, name, "reversed", fault, stop));
+        let is_run = |start: &Start| ALL_ENCODER_FAULTS || start.stop.code == LOST.code;
+        for start in REVERSED.iter().filter(|start| is_run(start)) {
+            rows.extend(from_rest(start, "reversed"));
         }
         rows.extend(sound());
         if ALL_ENCODER_FAULTS {
-            for (kind, name, fault, stop) in STUCK {
-                rows.extend(from_rest(kind, name, "stuck", fault, stop));
+            for start in &STUCK {
+                rows.extend(from_rest(start, "stuck"));
             }
             rows.extend(turned_by_load(AS5047P, "AS5047P", Chip(EncoderFault::Detached)));
             rows.extend(turned_by_load(HALL, "Hall sensors alone", Hall(HallFault::Frozen)));
@@ -189,7 +55,7 @@ pub fn rows() -> &'static [ScenarioRow] {
 
 /// A fault at 3 rad/s.
 fn in_motion(kind: f32, kind_name: &str, case: &Case) -> Vec<ScenarioRow> {
-    let (what, fault, reaction, _) = *case;
+    let Case { what, fault, reaction, .. } = *case;
     let name = format!("{kind_name}: {what}, at 3 rad/s");
     let (figure, within_ms) = match reaction {
         Stops(within_ms) => ("to encoder-lost, open bridge and unknown position, ms", within_ms),
@@ -225,38 +91,10 @@ fn in_motion(kind: f32, kind_name: &str, case: &Case) -> Vec<ScenarioRow> {
     ]
 }
 
-/// What stops a joint that was at rest, and within which time, ms.
-type Stop = (&'static str, &'static str, f64);
-
-/// Half a second at 5 A, which the loop of the master reaches within 0.4 s.
-const STANDS: Stop = ("motor-stands", "to open bridge with motor-stands, ms", 1000.0);
-/// Two sectors after the friction is overcome, by 5 A at most.
-const LOST: Stop = ("encoder-lost", "to open bridge with encoder-lost, ms", 500.0);
-
-/// Encoders that count against the phases since before the start.
-const REVERSED: [(f32, &str, Fault, Stop); 7] = [
-    (AS5047P, "AS5047P", Chip(EncoderFault::Reversed), STANDS),
-    (AS5048A, "AS5048A", Chip(EncoderFault::Reversed), STANDS),
-    (ABZ, "ABZ", Lines(LineFault::Reversed), STANDS),
-    (ABZ_HALL, "ABZ and Hall sensors, lines", Lines(LineFault::Reversed), LOST),
-    (ABZ_HALL, "ABZ and Hall sensors, Hall sensors", Hall(HallFault::Reversed), STANDS),
-    (HALL, "Hall sensors alone", Hall(HallFault::Reversed), STANDS),
-    (BISS, "BiSS C", Serial(SerialFault::Reversed), STANDS),
-];
-
-/// Encoders that stand since before the start.
-const STUCK: [(f32, &str, Fault, Stop); 6] = [
-    (AS5047P, "AS5047P", Chip(EncoderFault::Detached), STANDS),
-    (AS5048A, "AS5048A", Chip(EncoderFault::Detached), STANDS),
-    (ABZ, "ABZ", Lines(LineFault::Missing), STANDS),
-    (ABZ_HALL, "ABZ and Hall sensors, lines", Lines(LineFault::Missing), LOST),
-    (HALL, "Hall sensors alone", Hall(HallFault::Frozen), STANDS),
-    (BISS, "BiSS C", Serial(SerialFault::Frozen), STANDS),
-];
-
 /// A joint whose wiring is not proven, with a fault since before it is armed, to 2 rad/s in 0.5 s.
-fn from_rest(kind: f32, name: &str, what: &str, fault: Fault, stop: Stop) -> Vec<ScenarioRow> {
-    let (code, figure, within_ms) = stop;
+fn from_rest(start: &Start, what: &str) -> Vec<ScenarioRow> {
+    let Start { kind, name, fault, stop } = *start;
+    let Stop { code, figure, within_ms } = stop;
     let name = format!("{name}: {what} since the start, 2 rad/s commanded");
     let (after, way, most) = started(&joint(kind), kind, |master| {
         fault.set(master);
@@ -444,7 +282,7 @@ fn is_armed_while_turned(kind: f32, speed_rad_s: f64, current_a: f64) -> bool {
 /// Commissioning of motors with reversed encoders: it finds the direction, and the joint can be driven.
 fn commissioned() -> Vec<ScenarioRow> {
     let mut rows = Vec::new();
-    for (kind, name, fault, _) in REVERSED {
+    for Start { kind, name, fault, .. } in REVERSED {
         if kind == AS5048A {
             continue;
         }

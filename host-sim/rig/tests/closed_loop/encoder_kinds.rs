@@ -181,21 +181,73 @@ fn restart_turned(master: &mut Master, turns: f64) -> (bool, f64) {
     (is_position_known(master), off_rad)
 }
 
-/// Power cuts of a homed joint at 0.3 rad that has rested for a second. It is armed then or not, and its bus falls to 25 V before
-/// or not. Its motor turns by this share of a turn without power.
+/// A power cut of a homed joint at 0.3 rad that has rested for a second.
+#[derive(Clone, Copy)]
+struct PowerCut {
+    what: &'static str,
+    /// Kind of the encoder.
+    kind: f32,
+    /// Turns of the motor without power.
+    turns: f64,
+    is_armed: bool,
+    /// The bus falls to 25 V before.
+    is_failing: bool,
+    has_brake: bool,
+    /// The home is expected to be known afterwards.
+    is_kept: bool,
+}
+
+const POWER_CUTS: [PowerCut; 6] = {
+    let at_rest = PowerCut {
+        what: "at rest, motor turned by 0.3 turns meanwhile",
+        kind: 0.0,
+        turns: 0.3,
+        is_armed: false,
+        is_failing: false,
+        has_brake: false,
+        is_kept: true,
+    };
+    let failed = PowerCut {
+        what: "armed after a rest, 40 ms after its bus has fallen to 25 V",
+        is_armed: true,
+        is_failing: true,
+        is_kept: false,
+        ..at_rest
+    };
+    [
+        at_rest,
+        PowerCut {
+            what: "at rest, motor turned by 0.45 turns meanwhile",
+            turns: 0.45,
+            is_kept: false,
+            ..at_rest
+        },
+        PowerCut {
+            what: "armed after a rest, without a warning",
+            turns: 0.0,
+            is_failing: false,
+            ..failed
+        },
+        PowerCut {
+            what: "armed after a rest, 40 ms after its bus has fallen to 25 V, with a holding brake",
+            has_brake: true,
+            is_kept: true,
+            ..failed
+        },
+        failed,
+        PowerCut {
+            what: "at rest, BiSS C, motor turned by 3.45 turns meanwhile",
+            kind: BISS,
+            turns: 3.45,
+            ..at_rest
+        },
+    ]
+};
+
 fn homes_after_power_cut() -> Vec<ScenarioRow> {
-    const FAILED: &str = "armed after a rest, 40 ms after its bus has fallen to 25 V";
-    let with_brake = format!("{FAILED}, with a holding brake");
-    let cases = [
-        ("at rest, motor turned by 0.3 turns meanwhile", 0.0, 0.3, [false; 3], true),
-        ("at rest, motor turned by 0.45 turns meanwhile", 0.0, 0.45, [false; 3], false),
-        ("armed after a rest, without a warning", 0.0, 0.0, [true, false, false], false),
-        (&with_brake, 0.0, 0.3, [true; 3], true),
-        (FAILED, 0.0, 0.3, [true, true, false], false),
-        ("at rest, BiSS C, motor turned by 3.45 turns meanwhile", BISS, 3.45, [false; 3], true),
-    ];
     let mut rows = Vec::new();
-    for (what, kind, turns, [is_armed, is_failing, has_brake], is_kept) in cases {
+    for cut in POWER_CUTS {
+        let PowerCut { what, kind, turns, is_armed, is_failing, has_brake, is_kept } = cut;
         let name = format!("power cut of a homed joint, {what}");
         let mut joint = joint(kind);
         joint.constants.encoder_zero_rad = 2.0;

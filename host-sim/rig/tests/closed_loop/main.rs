@@ -16,6 +16,7 @@ mod dead_time;
 mod drawn_drive;
 mod driver;
 mod encoder;
+mod encoder_fault_cases;
 mod encoder_faults;
 mod encoder_kinds;
 mod feed_forward;

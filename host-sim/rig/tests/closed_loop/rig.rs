@@ -155,16 +155,16 @@ pub fn compute_in_parallel<I: Sync, R: Send>(
 }
 
 /// The bus master, which commands at 1 kHz.
-pub struct Master<'a, 'q> {
-    pub rig: &'a mut JointRig<'q>,
+pub struct Master<'a> {
+    pub rig: &'a mut JointRig,
     gain: f64,
     inertia: f64,
     integral_a: f64,
 }
 
-impl<'a, 'q> Master<'a, 'q> {
+impl<'a> Master<'a> {
     /// Creates a master that assumes this inertia of the joint, kg m^2.
-    pub fn new(rig: &'a mut JointRig<'q>, inertia: f64) -> Self {
+    pub fn new(rig: &'a mut JointRig, inertia: f64) -> Self {
         Self { rig, gain: inertia * TAU * VELOCITY_HZ, inertia, integral_a: 0.0 }
     }
 

@@ -1,4 +1,7 @@
 //! The adaptation of the friction levels: its mode, its orders, and what it learnt beside the set.
+//!
+//! While it is on, the joint learns gains on the level, on viscous friction and on the terms of its set. The set itself stays
+//! until the order `adopt` multiplies it by them. `diff --learnt` shows both.
 
 use super::drive::Change;
 use super::{Driver, Result, print_result};
@@ -7,6 +10,8 @@ use canopen_rs::Address;
 use compensator_core::adaptation::{Frozen, Gains, MAX_GAINS};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
+use friction_results::tune::TuneParameter;
+use joint_bus::parameters::read_set;
 use joint_tuning::names::differences;
 use serde_json::json;
 use std::process::ExitCode;
@@ -60,7 +65,7 @@ impl Driver {
 
     /// Shows what the joint learnt beside its set. Exit code 1 if it differs.
     pub(super) fn diff_learnt(&mut self, json: bool) -> Result<ExitCode> {
-        let set = self.read_set()?;
+        let set = read_set(&mut self.client)?;
         let gains = Gains::from_array(&self.reals(index::LEARNT_GAINS)?);
         let deviations = self.reals(index::GAIN_DEVIATIONS)?;
         let state = self.number(index::ADAPTATION, AdaptationObject::FROZEN)?;
@@ -80,9 +85,9 @@ impl Driver {
             text += &format!("gain on {name}: {gain:.3} +- {deviation:.3}\n");
             gains.push(json!({"name": name, "gain": gain, "std_deviation": deviation}));
         }
-        for (name, set, learnt) in &lines {
-            text += &format!("{name}: set {set}, learnt {learnt}\n");
-            rows.push(json!({"name": name, "set": set, "learnt": learnt}));
+        for TuneParameter { name, before, after } in &lines {
+            text += &format!("{name}: set {before}, learnt {after}\n");
+            rows.push(json!({"name": name, "set": before, "learnt": after}));
         }
         let document = json!({"state": state, "learnt_s": learnt_s, "age_s": age_s, "gains": gains, "differences": rows});
         print_result(json, &document, &text)?;

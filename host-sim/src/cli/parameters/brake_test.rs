@@ -1,6 +1,11 @@
 //! `params brake-test`: requests a test of the holding brake and prints its result.
+//!
+//! A worn or oily brake holds less than its rated torque, and the load falls when the bridge opens. So the driver presses
+//! the motor against the closed brake with a set torque, in both directions, and measures how far the joint turns. This tool
+//! orders the test (2030h), waits for its end and prints its result. Exit code 1 means that the brake was not found to hold:
+//! it slipped, or the test has no result.
 
-use super::{ActionResult, Driver, Result, print_result};
+use super::{Driver, Result, print_result};
 use canopen_rs::Address;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::HoldingBrakeObject;
@@ -10,9 +15,14 @@ use std::time::{Duration, Instant};
 
 /// Longest test that the driver permits, with a margin for a slow bus.
 const TIMEOUT: Duration = Duration::from_secs(15);
+/// Order that starts a test.
 const START: u8 = 1;
+/// Results by their number on the bus.
 const RUNNING: u32 = 1;
 const HELD: u32 = 2;
+const SLIPPED: u32 = 3;
+const NO_TORQUE: u32 = 4;
+const INTERRUPTED: u32 = 5;
 
 /// Reason why a test has no result.
 #[derive(Debug, thiserror::Error)]
@@ -32,9 +42,9 @@ impl BrakeTest {
     fn name(&self) -> &'static str {
         match self.result {
             HELD => "held",
-            3 => "slipped",
-            4 => "no-torque",
-            5 => "interrupted",
+            SLIPPED => "slipped",
+            NO_TORQUE => "no-torque",
+            INTERRUPTED => "interrupted",
             _ => "unknown",
         }
     }
@@ -43,9 +53,9 @@ impl BrakeTest {
         let [forwards, back] = self.ways_rad;
         let verdict = match self.result {
             HELD => "the brake holds its test torque in both directions",
-            3 => "the brake SLIPPED: the joint must not be left to it",
-            4 => "the current did not reach the test torque, so the brake is NOT tested",
-            5 => "the test was interrupted, so the brake is NOT tested",
+            SLIPPED => "the brake SLIPPED: the joint must not be left to it",
+            NO_TORQUE => "the current did not reach the test torque, so the brake is NOT tested",
+            INTERRUPTED => "the test was interrupted, so the brake is NOT tested",
             _ => "the driver reports an unknown result",
         };
         format!("{verdict}; the joint turned by {forwards:.4} rad forwards and {back:.4} rad back")
@@ -73,14 +83,14 @@ impl Driver {
     }
 
     /// Tests the brake. The exit code is 1 if it was not found to hold.
-    pub(super) fn brake_test(&mut self, name: &str, json: bool) -> Result<ActionResult> {
+    pub(super) fn brake_test(&mut self, name: &str, json: bool) -> Result<ExitCode> {
         let test = self.request_brake_test()?;
         let [forwards, back] = test.ways_rad;
         let document = json!({
             "result": test.name(), "way_forwards_rad": forwards, "way_back_rad": back,
         });
         print_result(json, &document, &format!("{name}: {}\n", test.in_words()))?;
-        Ok(ActionResult::Printed(ExitCode::from(u8::from(test.result != HELD))))
+        Ok(ExitCode::from(u8::from(test.result != HELD)))
     }
 }
 

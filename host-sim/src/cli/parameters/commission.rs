@@ -15,7 +15,7 @@ use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{CommissioningObject, CommissioningRunObject};
 use firmware::parameter_set::ParameterSet;
 use joint_bus::bus::Bus;
-use joint_bus::parameters::read_staged;
+use joint_bus::parameters::{read_set, read_staged, write_set};
 use joint_tuning::names::differences;
 use serde_json::json;
 
@@ -59,7 +59,7 @@ fn step_description(step: u32) -> &'static str {
 impl Driver {
     /// Prints the wiring parameters and whether they are confirmed. With `confirm`, confirms them first.
     pub(super) fn commission(&mut self, confirm: bool, json: bool) -> Result {
-        let set = self.read_set()?;
+        let set = read_set(&mut self.client)?;
         let wiring = self.number(index::COMMISSIONING, CommissioningObject::WIRING_CRC)?;
         if wiring != set.wiring_crc() {
             return Err(OtherWiring { reported: wiring, computed: set.wiring_crc() }.into());
@@ -97,7 +97,7 @@ impl Driver {
         name: &str,
         json: bool,
     ) -> Result {
-        let before = self.read_set()?;
+        let before = read_set(&mut self.client)?;
         self.set_limits(how, how.travel)?;
         let current_a = self.float(CommissioningRunObject::CURRENT)?;
         let travel_rad = self.float(CommissioningRunObject::TRAVEL)?;
@@ -130,7 +130,7 @@ impl Driver {
                 print_text(&format!("{name}: nothing was changed\n"))
             };
         }
-        let active = self.commit(&found)?;
+        let active = write_set(&mut self.client, &found)?;
         self.confirm(found.wiring_crc())?;
         if json {
             return Ok(());
@@ -166,19 +166,20 @@ impl Driver {
         json: bool,
     ) -> Result<String> {
         use CommissioningRunObject as R;
-        let offsets = [self.float(R::OFFSET_A)?, self.float(R::OFFSET_B)?];
+        let [offset_a, offset_b] = [self.float(R::OFFSET_A)?, self.float(R::OFFSET_B)?];
         let lag_rad = self.float(R::LAG)?;
         let friction_nm = self.float(R::FRICTION_TORQUE)?;
-        let margins =
-            [self.float(R::PHASE_MARGIN)?.to_degrees(), 20.0 * self.float(R::GAIN_MARGIN)?.log10()];
+        let phase_margin_deg = self.float(R::PHASE_MARGIN)?.to_degrees();
+        let gain_margin_db = 20.0 * self.float(R::GAIN_MARGIN)?.log10();
         let (was, is) = (&before.motor, &found.motor);
         if json {
             let wiring: serde_json::Map<_, _> =
                 wiring_of(found).map(|(field, value)| (field.to_owned(), json!(value))).collect();
             let result = json!({
-                "offset_a": offsets, "lag_rad": lag_rad, "friction_torque_nm": friction_nm, "wiring": wiring,
+                "offset_a": [offset_a, offset_b], "lag_rad": lag_rad, "friction_torque_nm": friction_nm, "wiring": wiring,
                 "dead_time_s": is.dead_time_s, "dead_time_current_a": is.dead_time_current_a,
-                "current_bandwidth_hz": is.current_bandwidth_hz, "phase_margin_deg": margins[0], "gain_margin_db": margins[1],
+                "current_bandwidth_hz": is.current_bandwidth_hz, "phase_margin_deg": phase_margin_deg,
+                "gain_margin_db": gain_margin_db,
             });
             return pretty(&result);
         }
@@ -186,7 +187,7 @@ impl Driver {
         let turned = is.encoder_direction != was.encoder_direction;
         let mut out = format!(
             "measured:\n\
-             current sensor offsets     {:+.3} A and {:+.3} A, corrected\n\
+             current sensor offsets     {offset_a:+.3} A and {offset_b:+.3} A, corrected\n\
              phase resistance           {:.4} ohm (was {:.4}): winding, cable and switch at their current temperature\n\
              inductance of d, q axis    {:.1} uH and {:.1} uH (was {:.1} and {:.1})\n\
              pole pairs                 {} (was {})\n\
@@ -194,9 +195,7 @@ impl Driver {
              torque constant            {:.5} Nm/A at the motor (was {:.5}), {:.3} Nm/A at the joint (was {:.3}), with unchanged gear efficiency\n\
              friction at low speed      {:.2} Nm at the joint: the rotor lags the field by {:.0} electrical degrees\n\
              dead time of the bridge    {:.0} ns: {:.2} % of the bus voltage, half of it lost at {:.2} A (was {:.0} ns); compensated\n\
-             current loop               {:.0} Hz (was {:.0}): phase margin {:.0} degrees, gain margin {:.1} dB with 5 % less inductance\n",
-            offsets[0],
-            offsets[1],
+             current loop               {:.0} Hz (was {:.0}): phase margin {phase_margin_deg:.0} degrees, gain margin {gain_margin_db:.1} dB with 5 % less inductance\n",
             is.resistance_ohm,
             was.resistance_ohm,
             1e6 * is.inductance_d_h,
@@ -221,8 +220,6 @@ impl Driver {
             1e9 * was.dead_time_s,
             is.current_bandwidth_hz,
             was.current_bandwidth_hz,
-            margins[0],
-            margins[1],
         );
         if turned {
             out += "joint_direction was reversed together with encoder_direction, so that the sign of the position is unchanged.\n\

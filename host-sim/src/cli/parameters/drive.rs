@@ -51,32 +51,34 @@ impl Change {
 }
 
 impl Driver {
-    /// Reads a setting as a signed number if its object is signed.
+    /// Reads a setting.
     pub(super) fn drive_setting(&mut self, at: Address) -> Result<i64> {
-        let bytes = self.client.read(at)?;
-        let is_signed = DriveSettings::is_signed(at.index, at.subindex);
-        let number = bytes.iter().rev().fold(0u64, |number, byte| number << 8 | u64::from(*byte));
-        let unused = 64 - 8 * bytes.len().clamp(1, 8) as u32;
-        Ok(if is_signed {
-            (number << unused).cast_signed() >> unused
-        } else {
-            number.cast_signed()
-        })
+        Ok(number_of(at, &self.client.read(at)?))
     }
 
     /// Writes a setting. Returns the change in words.
     pub(super) fn change_drive(&mut self, change: &Change) -> Result<String> {
-        let before = self.drive_setting(change.at)?;
-        let length = self.client.read(change.at)?.len();
-        let bytes = change.value.to_le_bytes();
-        let bits = 8 * length as u32;
-        let fits = change.value >= -(1i64 << (bits - 1)) && change.value < 1i64 << bits;
-        if !fits {
-            let expected = format!("a number of {bits} bits");
-            return Err(found(change.name.as_str(), change.value.to_string(), expected));
+        let Change { name, at, value } = change;
+        let former = self.client.read(*at)?;
+        let is_signed = DriveSettings::is_signed(at.index, at.subindex);
+        let end = 1i64 << (8 * former.len().clamp(1, 4) - usize::from(is_signed));
+        let start = if is_signed { -end } else { 0 };
+        if !(start..end).contains(value) {
+            let expected = format!("{start} to {}", end - 1);
+            return Err(found(name.as_str(), value.to_string(), expected));
         }
-        self.client.write(change.at, &bytes[..length])?;
-        Ok(format!("{} {before} -> {}", change.name, change.value))
+        self.client.write(*at, &value.to_le_bytes()[..former.len()])?;
+        Ok(format!("{name} {} -> {value}", number_of(*at, &former)))
+    }
+}
+
+/// Returns the number in the bytes of a setting, which has a sign if its object has one.
+fn number_of(at: Address, bytes: &[u8]) -> i64 {
+    let number = bytes.iter().rev().fold(0u64, |number, byte| number << 8 | u64::from(*byte));
+    let unused = 64 - 8 * bytes.len().clamp(1, 8) as u32;
+    match DriveSettings::is_signed(at.index, at.subindex) {
+        true => (number << unused).cast_signed() >> unused,
+        false => number.cast_signed(),
     }
 }
 
@@ -102,6 +104,16 @@ mod tests {
         let change = parse("drive.position_min", "-1000000").expect("a number").expect("a setting");
         assert_eq!(driver.change_drive(&change).unwrap(), "drive.position_min 0 -> -1000000");
         assert_eq!(driver.drive_setting(change.at).unwrap(), -1_000_000);
+        // A number beyond its object would be another one there.
+        for (name, value) in [
+            ("drive.position_min", "3000000000"),
+            ("drive.brake_test_ms", "-1"),
+            ("drive.brake_test_ms", "65536"),
+        ] {
+            let change = parse(name, value).expect("a number").expect("a setting");
+            let refused = driver.change_drive(&change).expect_err(value).to_string();
+            assert!(refused.contains(name) && refused.contains(value), "{refused}");
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use clap::Args;
 use firmware::driver::commissioning::AbortReason;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::CommissioningRunObject;
-use joint_tuning::master::code_names;
+use joint_bus::codes::{FIRST_FAULT, code_names};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -132,7 +132,7 @@ impl Driver {
         let number = self.number(index::COMMISSIONING_RUN, CommissioningRunObject::REASON)? as u8;
         let (name, meaning) = AbortReason::describe(number)
             .unwrap_or(("unknown", "reason of another firmware version"));
-        let faults = code_names(self.number(index::STATE, 3)?, 1);
+        let faults = code_names(self.number(index::STATE, 3)?, FIRST_FAULT);
         let faults =
             if faults.is_empty() { String::new() } else { format!(" ({})", faults.join(", ")) };
         Ok(RunEnded { name, meaning, faults })

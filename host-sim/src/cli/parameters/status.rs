@@ -1,4 +1,6 @@
 //! `params status`: shows the identity and the state of a driver.
+//!
+//! Every value is read on its own, so they are of slightly different times. A term is live if its input is valid now.
 
 use super::{Driver, Result, print_result};
 use canopen_rs::Address;
@@ -6,7 +8,7 @@ use compensator_core::TermKind;
 use compensator_core::term::MAX_TERMS;
 use firmware::node::dictionary::records::NetworkObject;
 use firmware::node::dictionary::{FRAME_COUNTERS, index};
-use joint_tuning::master::code_names;
+use joint_bus::codes::{FIRST_FAULT, FIRST_LIMIT, code_names};
 use serde_json::json;
 
 /// State of the network (object 200Bh).
@@ -84,8 +86,8 @@ impl Driver {
         .map(&mut text);
         let (name, hardware, software, panic) = (name?, hardware?, software?, panic?);
         let state = self.state()?;
-        let faults = code_names(self.number(index::STATE, 3)?, 1);
-        let limits = code_names(self.number(index::STATE, 4)?, 33);
+        let faults = code_names(self.number(index::STATE, 3)?, FIRST_FAULT);
+        let limits = code_names(self.number(index::STATE, 4)?, FIRST_LIMIT);
         let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
         let number = if self.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" };
         let crc = self.number(index::COMMIT, 1)?;
@@ -112,7 +114,7 @@ impl Driver {
             "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
             "last_refusal": refusal, "counters": counters,
         });
-        let list = |codes: &[&str]| {
+        let list = |codes: &[String]| {
             if codes.is_empty() { "none".to_owned() } else { codes.join(", ") }
         };
         let mut out = format!(
@@ -169,6 +171,7 @@ mod tests {
     use joint_bus::bus::{Bus, Hub};
     use joint_bus::canopen::Client;
     use joint_bus::joint::JointNode;
+    use joint_bus::parameters::{read_set, write_set};
 
     #[test]
     fn terms_of_a_driver_are_live_only_with_their_inputs() {
@@ -177,10 +180,10 @@ mod tests {
         let bus: Box<dyn Bus> = Box::new(hub.port());
         let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
         assert!(driver.terms().expect("it answers").is_empty());
-        let mut set = driver.read_set().expect("its set");
+        let mut set = read_set(&mut driver.client).expect("its set");
         set.friction.model.add_term(TermKind::PressureCoulomb);
         set.friction.model.add_term(TermKind::QuadraticDrag);
-        driver.commit(&set).expect("it is valid");
+        write_set(&mut driver.client, &set).expect("it is valid");
         let terms = driver.terms().expect("it answers");
         assert_eq!(terms, [(TermKind::PressureCoulomb, false), (TermKind::QuadraticDrag, true)]);
         let text = terms_in_words(&terms);
@@ -198,10 +201,10 @@ mod tests {
         let bus: Box<dyn Bus> = Box::new(hub.port());
         let mut driver = Driver { client: Client::new(bus, NodeId::FIRST) };
         assert!(driver.network().expect("it answers").is_none());
-        let mut set = driver.read_set().expect("its set");
+        let mut set = read_set(&mut driver.client).expect("its set");
         set.friction.model = reference::parameters();
         set.network = Some(reference::joint());
-        driver.commit(&set).expect("it is valid");
+        write_set(&mut driver.client, &set).expect("it is valid");
         let text = driver.network().expect("it answers").expect("it has one").in_words();
         // The network has not been evaluated, so all factors are 1.
         assert!(text.contains("100 %") && text.matches("x 1.000").count() == 3, "{text}");

@@ -1,4 +1,7 @@
 //! The stored trend of the learnt levels (2047h): a table, a file, and the change of the level.
+//!
+//! A level that changes over hours of sliding tells of wear before the joint fails. The slope over the entries is robust, so
+//! that a single one does not decide.
 
 use super::{Driver, Result, print_result};
 use crate::cli::output::write_file;
@@ -7,6 +10,7 @@ use firmware::node::dictionary::index;
 use firmware::store::{TIME_UNIT_S, TrendEntry};
 use friction_results::level_trend::{LevelEntry, LevelTrend, MIN_ENTRIES, SCHEMA, robust_slope};
 use joint_bus::canopen::SdoError;
+use joint_bus::parameters::read_set;
 use joint_log::number::significant;
 use std::path::Path;
 
@@ -33,7 +37,7 @@ impl Driver {
 
     fn read_trend(&mut self) -> Result<LevelTrend> {
         let unit = self.joint_kind()?.torque_unit().to_owned();
-        let set = self.read_set()?;
+        let set = read_set(&mut self.client)?;
         let terms: Vec<&str> = set.friction.model.terms.iter().map(|kind| kind.name()).collect();
         let bytes = match self.client.read_blocks(Address::new(index::LEVEL_TREND, 0), |_| ()) {
             Ok(bytes) => bytes,

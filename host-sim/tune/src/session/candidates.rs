@@ -26,7 +26,7 @@ pub(super) fn with_gains(former: &TunedSet, gains: &LoopGains) -> TunedSet {
     let mut tuned = former.clone();
     tuned.set.motor.velocity_gain_a_s_per_rad = gains.velocity_gain as f32;
     tuned.set.motor.velocity_integral_s = gains.integral_s as f32;
-    tuned.position_gain = (1e3 * gains.position_gain) as u32;
+    tuned.position_gain = (1e3 * gains.position_gain).round() as u32;
     tuned
 }
 
@@ -85,4 +85,19 @@ fn offer_of(learnt: &Learnt, active: &Outcome, passive: Option<&Outcome>) -> Opt
         };
         format!("a law that can supply energy {less}; it was not tried: the option allow-active tries it")
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn with_gains_of_the_same_set_changes_nothing() {
+        for position_gain in [0, 4007, 8001, 10_053] {
+            let tuned = TunedSet { set: ParameterSet::default(), position_gain };
+            let same = with_gains(&tuned, &gains_of(&tuned));
+            assert_eq!(same.position_gain, position_gain);
+            assert_eq!(same.set.crc(), tuned.set.crc());
+        }
+    }
 }

@@ -12,7 +12,7 @@ use crate::trial_set::{self, TunedSet};
 use firmware::control::PERIOD_S;
 use firmware::parameter_set::ParameterSet;
 use friction_results::tune::{
-    TuneArm, TuneBlock, TuneOutcome, TuneParameter, TuneReport, TuneTrial,
+    TuneArm, TuneBlock, TuneOutcome, TuneParameter, TuneQuantity, TuneReport, TuneTrial,
 };
 use joint_bus::bus::Bus;
 
@@ -93,7 +93,7 @@ impl<B: Bus> Work<'_, B> {
         let tuned = self.tried.clone().ok_or(SessionError::NothingTried)?;
         self.master.disable_if_enabled()?;
         trial_set::apply(&mut self.master, &tuned)?;
-        self.master.restore_interpolation(self.before.interpolation)?;
+        self.master.set_interpolation(self.before.interpolation)?;
         self.master.set_following_window(self.before.following)?;
         let has_model = verdict.proven == Some(TuneArm::New);
         let cause = self.learnt.as_ref().filter(|_| has_model);
@@ -133,8 +133,10 @@ impl<B: Bus> Work<'_, B> {
             ));
         }
         let tried = self.tried.as_ref();
-        let blocks = self.trial.iter().flatten();
-        let blocks = blocks.map(|(arm, scored)| TuneBlock { arm: *arm, values: scored.scores });
+        let blocks = self.trial.iter().flatten().map(|(arm, scored)| TuneBlock {
+            arm: *arm,
+            values: TuneQuantity::ALL.map(|quantity| scored.scores.of(quantity)),
+        });
         let trial = TuneTrial { blocks: blocks.collect() };
         let last = trial.arms().into_iter().find(|arm| *arm != TuneArm::Former);
         let arm = verdict.proven.or(last).unwrap_or(TuneArm::New);
@@ -161,11 +163,7 @@ impl<B: Bus> Work<'_, B> {
     }
 
     fn changes(&self, tuned: &TunedSet) -> Vec<TuneParameter> {
-        let listed = crate::names::differences(&self.before.set, &tuned.set);
-        let mut all: Vec<TuneParameter> = listed
-            .into_iter()
-            .map(|(name, before, after)| TuneParameter { name, before, after })
-            .collect();
+        let mut all = crate::names::differences(&self.before.set, &tuned.set);
         if tuned.position_gain != self.before.position_gain {
             all.push(TuneParameter {
                 name: "drive.position_gain".into(),

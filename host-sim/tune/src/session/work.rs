@@ -5,9 +5,9 @@ use super::{SessionError, TuneOptions, TuneUser, has_active};
 use crate::experiment::{Experiment, library, most_informative, survey};
 use crate::frequency::{self, LoopGains};
 use crate::learn::{Learnt, learn};
-use crate::master::{Master, MasterError};
+use crate::master::{Master, MasterError, TARGET_TIME};
 use crate::motion::{Motion, MotionLimits};
-use crate::preflight::{Found, check_heat};
+use crate::preflight::{FollowingWindow, Found, check_heat};
 use crate::proof::{self, Means, Round};
 use crate::recording::Recording;
 use crate::score::{Scored, score};
@@ -271,14 +271,14 @@ impl<'a, B: Bus> Work<'a, B> {
         self.master.disable_if_enabled()?;
         self.stay_unlocked()?;
         trial_set::open(&mut self.master)?;
-        self.master.set_interpolation()?;
-        let micro_rad = (1e6 * self.guard_rad.max(self.study_guard_rad())) as u32;
-        let (former_micro_rad, former_ms) = self.before.following;
-        let following = match former_micro_rad <= micro_rad {
-            true => (former_micro_rad, former_ms),
-            false => (micro_rad, FOLLOWING_MS),
+        self.master.set_interpolation(TARGET_TIME)?;
+        let error_micro_rad = (1e6 * self.guard_rad.max(self.study_guard_rad())) as u32;
+        let former = self.before.following;
+        let window = match former.error_micro_rad <= error_micro_rad {
+            true => former,
+            false => FollowingWindow { error_micro_rad, time_ms: FOLLOWING_MS },
         };
-        Ok(self.master.set_following_window(following)?)
+        Ok(self.master.set_following_window(window)?)
     }
 
     /// Disarms the joint and brings the stored set back.
@@ -380,7 +380,7 @@ impl<'a, B: Bus> Work<'a, B> {
         let noise = learnt.found.hand_over.held_out_of_driver.rmse;
         let seed = self.options.seed;
         let best = most_informative(left, [&first, &second], &at, noise, WORTHWHILE_NATS, seed);
-        best.map(|(place, _)| left.remove(place))
+        best.map(|place| left.remove(place))
     }
 
     /// Performs a block with a set. It becomes the best one if it does not oscillate, and is better than the former set and
@@ -411,8 +411,8 @@ impl<'a, B: Bus> Work<'a, B> {
         let oscillation = proof::oscillates(former, &scored);
         self.user.progress(&format!(
             "candidate: {name}: error at reversals {:.2}, tracking {:.2} of before{}",
-            scored.scores[0] / former.scores[0],
-            scored.scores[1] / former.scores[1],
+            scored.scores.reversal_error_rad / former.scores.reversal_error_rad,
+            scored.scores.tracking_rms_rad / former.scores.tracking_rms_rad,
             oscillation.as_ref().map_or_else(String::new, |why| format!("; rejected: {why}"))
         ));
         let margin = if is_active(&tuned.set) { ACTIVE_COST } else { 0.0 };

@@ -73,7 +73,7 @@ fn tune_that_gains_is_kept_over_a_reset_and_undo_brings_the_former_set_back() {
     assert_eq!(bench.active(), bench.stored());
     let window = Address::new(index::FOLLOWING_WINDOW, 0);
     let following = bench.client().read_number(window).expect("an answer");
-    assert_eq!(following, session.before.following.0, "following error");
+    assert_eq!(following, session.before.following.error_micro_rad, "following error");
     let period = Address::new(index::INTERPOLATION_TIME, 1);
     assert_eq!(bench.client().read_number(period).expect("an answer"), 1, "time between targets");
 }

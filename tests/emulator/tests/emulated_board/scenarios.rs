@@ -19,6 +19,8 @@ mod dead_time;
 mod driver;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder.rs"]
 mod encoder;
+#[path = "../../../../host-sim/rig/tests/closed_loop/encoder_fault_cases.rs"]
+mod encoder_fault_cases;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder_faults.rs"]
 mod encoder_faults;
 #[path = "../../../../host-sim/rig/tests/closed_loop/encoder_kinds.rs"]

@@ -1,6 +1,10 @@
 use super::*;
 use crate::message;
+use crate::monitor::sdo_poller::{IN_BAND, LARGEST_IN_BANDS, WINDOWS, WINDOWS_OUT_OF_BAND};
+use crate::monitor::view_data::{Lens, View};
 use compensator_core::can::{AnswerFrame, MotionFrame, StatusFrame, TelemetryFrame};
+use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::NetworkObject;
 
 const MS: u64 = 1_000_000;
 /// A start that is not 0, as on a real bus.
@@ -66,7 +70,7 @@ fn view_of_running_joint_has_rates_and_ranges() {
     // Four frames of 111 to 135 bits and a SYNC of some 55, 1000 times a second, at 1 Mbit/s.
     assert!((0.49..0.61).contains(&view.rates.load), "{}", view.rates.load);
     assert_eq!(view.syncs, SyncCounts::default());
-    assert_eq!(view.flags.as_ref().unwrap().0, ["slew-limited"]);
+    assert_eq!(view.flags.as_ref().unwrap().names, ["slew-limited"]);
     model.reset_ranges();
     assert_eq!(model.view(START, &LENS).readings[0].range, None);
 }
@@ -84,7 +88,7 @@ fn view_after_silence_is_stale_and_logs_it_once() {
     let measured = view.readings.iter().filter(|reading| reading.value.is_some());
     assert!(measured.clone().count() == 4 && measured.into_iter().all(|reading| reading.stale));
     assert!((view.readings[0].age_s.unwrap() - 8.001).abs() < 1e-9);
-    assert!(view.flags.as_ref().unwrap().2 && view.heartbeat.late);
+    assert!(view.flags.as_ref().unwrap().is_stale && view.heartbeat.late);
     assert_eq!((view.rates.samples, view.rates.load), (0.0, 0.0));
     let silences = texts(&view).iter().filter(|text| text.contains("silent")).count();
     assert_eq!(silences, 1);
@@ -119,7 +123,7 @@ fn view_with_failed_self_test_names_it_by_number() {
     assert_eq!(seen.codes.failed_self_test.as_deref(), Some("13: comparator 3"));
     // A monitor that has missed the emergency reads the number.
     let mut model = self::model();
-    let at = canopen_rs::Address::new(index::STATE, StateObject::FAILED_SELF_TEST);
+    let at = FAILED_SELF_TEST;
     model.on_reply(SdoReply::Value(at, 4), START + 5 * MS);
     let test = view(&model, 6).codes.failed_self_test.expect("a number");
     assert!(test.starts_with("4: ") && test.contains("phase a"), "{test}");
@@ -140,8 +144,7 @@ fn view_with_emergencies_and_objects_updates_faults() {
     message::check("events", "fault", texts(&seen)[1], &["bus-overvoltage", "3210h"]);
     raw(&mut model, 4, 0x081, &[0, 0, 0, 34, 0, 0, 0, 0]);
     let now_ns = START + 5 * MS;
-    let value =
-        |place, value| SdoReply::Value(canopen_rs::Address::new(index::STATE, place), value);
+    let value = |place, value| SdoReply::Value(Address::new(index::STATE, place), value);
     model.on_reply(value(2, 1), now_ns);
     model.on_reply(value(3, 0b1001), now_ns);
     model.on_reply(value(4, 1 << 26), now_ns);
@@ -149,7 +152,10 @@ fn view_with_emergencies_and_objects_updates_faults() {
     // The joint's own word counts.
     assert_eq!(seen.codes.faults, ["command-timeout", "overcurrent"]);
     assert_eq!(seen.codes.limits, ["brake-test-failed"]);
-    assert_eq!((seen.state, seen.emergencies, seen.objects_stale), (Some("armed"), 3, false));
+    assert_eq!(
+        (seen.state, seen.emergencies, seen.objects_stale),
+        (Some(ReportedState::Armed), 3, false)
+    );
     assert!(view(&model, 3000).objects_stale);
     // After a start nothing of that is known any more.
     assert!(raw(&mut model, 3001, 0x701, &[0]));
@@ -162,8 +168,7 @@ fn view_of_a_joint_with_the_published_test_key_warns_once() {
     let mut model = model();
     assert_eq!(view(&model, 1).accepts_test_key, None);
     let mut read = |value| {
-        let at = canopen_rs::Address::new(index::PROGRAM, ProgramObject::UPDATE_KEY);
-        model.on_reply(SdoReply::Value(at, value), START);
+        model.on_reply(SdoReply::Value(UPDATE_KEY, value), START);
         let warnings =
             texts(&view(&model, 1)).iter().filter(|text| text.contains("test key")).count();
         (view(&model, 1).accepts_test_key, warnings)
@@ -177,7 +182,7 @@ fn view_of_a_joint_with_the_published_test_key_warns_once() {
 fn view_with_network_objects_has_network() {
     let mut model = model();
     let set_object = |model: &mut JointView, place, value| {
-        let at = canopen_rs::Address::new(index::NETWORK, place);
+        let at = Address::new(index::NETWORK, place);
         model.on_reply(SdoReply::Value(at, value), START);
     };
     set_object(&mut model, NetworkObject::PRESENT, 0);
@@ -192,6 +197,25 @@ fn view_with_network_objects_has_network() {
     assert_eq!((network.outside, network.outside_count, network.share), (true, 3, Some(0.25)));
     let json = seen.json("can0", &[None; Quantity::ALL.len()]);
     assert_eq!((&json["network_outside"], &json["network_share"]), (&true.into(), &0.25.into()));
+}
+
+#[test]
+fn view_of_a_watch_that_has_not_decided_is_neither_in_nor_out_of_band() {
+    const NOT_DECIDED: u32 = 2;
+    for (number, in_band) in [(NOT_DECIDED, None), (0, Some(false)), (1, Some(true))] {
+        let mut model = model();
+        let mut read = |at, value| model.on_reply(SdoReply::Value(at, value), START);
+        read(IN_BAND, number);
+        read(WINDOWS_OUT_OF_BAND, 1);
+        read(LARGEST_IN_BANDS, 0.5f32.to_bits());
+        assert!(view(&model, 1).band.is_none(), "the number of windows is not read yet");
+        model.on_reply(SdoReply::Value(WINDOWS, 3), START);
+        let seen = view(&model, 1);
+        assert_eq!(seen.band.expect("it is read").in_band, in_band);
+        let json = seen.json("can0", &[None; Quantity::ALL.len()]);
+        assert_eq!(json["model_in_band"], serde_json::json!(in_band));
+        assert_eq!(json["windows"], 3);
+    }
 }
 
 #[test]
@@ -249,7 +273,7 @@ fn json_with_missing_values_has_null() {
 #[test]
 fn view_without_sync_names_frame_and_command_once() {
     let mut model = model();
-    model.set_bus("can0");
+    model.set_bus("can0", 1_000_000);
     // A joint that waits for its master: heartbeats, no SYNC.
     for at in [0, 1000, 2000, 3000, 4000] {
         raw(&mut model, at, 0x701, &[5]);

@@ -52,7 +52,7 @@ fn screen_of_silent_joint_shows_age_of_values() {
 #[test]
 fn screen_with_missing_frame_shows_its_command() {
     let mut waiting = JointView::new(NodeId::FIRST, 0);
-    waiting.set_bus("can0");
+    waiting.set_bus("can0", 1_000_000);
     for at in [0, 1000, 2000, 3000, 4000] {
         receive(&mut waiting, at, Frame::new(0x701, &[5]).unwrap());
     }

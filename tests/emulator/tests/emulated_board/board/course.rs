@@ -21,7 +21,7 @@ pub fn set() -> ParameterSet {
 }
 
 /// Starts the image with this set on the reference joint.
-pub fn rig(set: &ParameterSet) -> Result<JointRig<'static>, EmulatorError> {
+pub fn rig(set: &ParameterSet) -> Result<JointRig, EmulatorError> {
     let start = PowerUp { set: Some(set), commissioned: true, board: true, ..PowerUp::default() };
     let faults = RigFaults::default();
     let mut plant = JointPlant::with_phase(&Parameters::default(), Load::Free, [0.7, 2.1], 5);
@@ -33,7 +33,7 @@ pub fn rig(set: &ParameterSet) -> Result<JointRig<'static>, EmulatorError> {
 
 /// Lets a master without the driver's velocity loop, at 1.5 A per rad/s, follow a sine of velocity. Returns the RMS error of
 /// the velocity, rad/s, and the largest current, A.
-pub fn follow_sine(mut rig: JointRig<'_>) -> (f64, f64) {
+pub fn follow_sine(mut rig: JointRig) -> (f64, f64) {
     let at = rig.plant().position_rad();
     rig.arm(at).expect("it arms");
     rig.stage_mut().take_extremes();

@@ -17,7 +17,7 @@ const SOUND: Readings =
     Readings { leak_share: Some(0.9), air: Some(DRY), torque_allowed: Some([true; 2]) };
 
 /// Returns a joint with all sensors of the dry side, whose first measurement of the air is there.
-fn joint(leak_stops: f32, readings: Readings) -> JointRig<'static> {
+fn joint(leak_stops: f32, readings: Readings) -> JointRig {
     let sensors = SensorParameters {
         leak_connected: 1.0,
         air_connected: 1.0,
@@ -32,7 +32,7 @@ fn joint(leak_stops: f32, readings: Readings) -> JointRig<'static> {
 }
 
 /// Returns such a joint that drives.
-fn driving(leak_stops: f32, readings: Readings) -> JointRig<'static> {
+fn driving(leak_stops: f32, readings: Readings) -> JointRig {
     let mut joint = joint(leak_stops, readings);
     let at = joint.plant().position_rad();
     joint.arm(at).expect("it arms");
