@@ -33,14 +33,13 @@ use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;
 use friction_fit::params::{self, ParameterFile};
 use friction_results::loop_cost::late_loop_warning;
-use friction_results::tune::TuneParameter;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::codes::ReportedState;
 use joint_bus::parameters::{read_set, write_set};
 use joint_log::JointKind;
 use joint_rig::MotorNode;
-use joint_tuning::names::{NameError, choices, differences, numbers, put};
+use joint_tuning::names::{Difference, NameError, choices, differences, numbers, put};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -424,7 +423,7 @@ impl Driver {
             self.store(index::STORE, SAVE_SIGNATURE)?;
         }
         let of_set = differences(&before, &set);
-        let words = |of: TuneParameter| format!("{} {} -> {}", of.name, of.before, of.after);
+        let words = |of: Difference| format!("{} {} -> {}", of.name, of.before, of.after);
         changed.extend(of_set.into_iter().map(words));
         let changed = match changed.len() {
             0 => "nothing changed".to_owned(),

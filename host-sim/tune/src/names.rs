@@ -12,7 +12,6 @@ use firmware::supervisor::Thresholds;
 use firmware::watch::WatchParameters;
 use friction_fit::params::Section;
 use friction_fit::spec::{Spec, SpecError};
-use friction_results::tune::TuneParameter;
 
 /// A section of a set: numbers by name.
 pub(crate) struct SetSection {
@@ -77,13 +76,22 @@ fn entries(set: &ParameterSet, used: &[ParameterId]) -> Vec<(String, String)> {
     all
 }
 
+/// A value that differs between two sets, as a text of all digits.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(missing_docs, reason = "the names say it")]
+pub struct Difference {
+    pub name: String,
+    pub before: String,
+    pub after: String,
+}
+
 /// Returns each difference between two sets. Parameters that neither model uses are ignored.
-pub fn differences(before: &ParameterSet, after: &ParameterSet) -> Vec<TuneParameter> {
+pub fn differences(before: &ParameterSet, after: &ParameterSet) -> Vec<Difference> {
     let models = [&before.friction.model, &after.friction.model];
     let used: Vec<ParameterId> = models.iter().flat_map(|model| model.active()).collect();
     let both = entries(before, &used).into_iter().zip(entries(after, &used));
     let differ = both.filter(|((_, before), (_, after))| before != after);
-    differ.map(|((name, before), (_, after))| TuneParameter { name, before, after }).collect()
+    differ.map(|((name, before), (_, after))| Difference { name, before, after }).collect()
 }
 
 /// Returns every number of a set with its name.

@@ -10,9 +10,8 @@ use canopen_rs::Address;
 use compensator_core::adaptation::{Frozen, Gains, MAX_GAINS};
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
-use friction_results::tune::TuneParameter;
 use joint_bus::parameters::read_set;
-use joint_tuning::names::differences;
+use joint_tuning::names::{Difference, differences};
 use serde_json::json;
 use std::process::ExitCode;
 
@@ -85,7 +84,7 @@ impl Driver {
             text += &format!("gain on {name}: {gain:.3} +- {deviation:.3}\n");
             gains.push(json!({"name": name, "gain": gain, "std_deviation": deviation}));
         }
-        for TuneParameter { name, before, after } in &lines {
+        for Difference { name, before, after } in &lines {
             text += &format!("{name}: set {before}, learnt {after}\n");
             rows.push(json!({"name": name, "set": before, "learnt": after}));
         }

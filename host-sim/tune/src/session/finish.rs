@@ -6,6 +6,7 @@ use super::{Session, SessionError};
 use crate::learn::Learnt;
 use crate::master::TRIAL_DEADLINE_MS;
 use crate::motion::MotionLimits;
+use crate::names::{Difference, differences};
 use crate::proof::Verdict;
 use crate::recording::{Recording, constant_covariates};
 use crate::trial_set::{self, TunedSet};
@@ -163,7 +164,9 @@ impl<B: Bus> Work<'_, B> {
     }
 
     fn changes(&self, tuned: &TunedSet) -> Vec<TuneParameter> {
-        let mut all = crate::names::differences(&self.before.set, &tuned.set);
+        let of_set = differences(&self.before.set, &tuned.set).into_iter();
+        let listed = |Difference { name, before, after }| TuneParameter { name, before, after };
+        let mut all: Vec<TuneParameter> = of_set.map(listed).collect();
         if tuned.position_gain != self.before.position_gain {
             all.push(TuneParameter {
                 name: "drive.position_gain".into(),
