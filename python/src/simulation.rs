@@ -52,9 +52,9 @@ pub fn simulate(
     let simulated = compute(py, threads, progress, || {
         Ok(machine.simulate(&request).map_err(|error| error.to_string())?)
     })?;
-    let Simulated { log, csv, truth, .. } = simulated;
+    let Simulated { log, truth, .. } = simulated;
     let truth = serde_json::to_string(&truth).map_err(unserialised)?;
-    Ok((Table(table(&log, scenario)), truth, csv))
+    Ok((Table(table(&log, scenario)), truth, log.csv()))
 }
 
 /// Returns all runs as one table, the run's name first.
