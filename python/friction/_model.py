@@ -150,6 +150,7 @@ class Model(Regressor):
                 log of the fit.
 
         Raises:
+            FrictionError: If the model states no mean of a column that it reads, and ``covariates`` no value.
             ImportError: If matplotlib is missing.
         """
         return _plot.friction_curve(self._fitted(), self._parameter_rows(), ax, speed, covariates)

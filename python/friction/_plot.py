@@ -23,6 +23,8 @@ _LEAST_SPEED = 1e-3
 #: second half, one revolution, which a ripple over the position leaves unchanged.
 _ROWS = 128
 _TRAVEL = 4.0 * math.pi
+#: Columns that follow from steady motion.
+_MOTION = ("position_rad", "acceleration_rad_s2")
 #: Intervals of a column over which a residual is averaged, and the least speed of its rows as a share of the largest.
 _BINS = 10
 _LEAST_SLIDING = 0.02
@@ -55,12 +57,9 @@ def _steady_torques(model: _core.Model, speeds: Sequence[float], covariates: Map
         _VELOCITY_LABELS[model.torque_column][0]: [speed for speed in speeds for _ in travel],
         model.torque_column: [0.0] * len(runs),
     }
-    own = {"position_rad": [math.copysign(at, speed) for speed in speeds for at in travel], "acceleration_rad_s2": [0.0] * len(runs)}
+    own = dict(zip(_MOTION, ([math.copysign(at, speed) for speed in speeds for at in travel], [0.0] * len(runs))))
     for name in model.needs:
-        if name in covariates or name not in own:
-            columns[name] = [covariates.get(name, 0.0)] * len(runs)
-        else:
-            columns[name] = own[name]
+        columns[name] = [covariates[name]] * len(runs) if name in covariates else own[name]
     torque = model.predict_table(_core.with_row_numbers(table(columns, "steady motion")))
     sliding = [torque[run * _ROWS + _ROWS // 2 : (run + 1) * _ROWS] for run, _ in enumerate(speeds)]
     return [sum(rows) / len(rows) for rows in sliding]
@@ -78,8 +77,11 @@ def friction_curve(
     largest = speed if speed is not None else limits.get(_VELOCITY_LABELS[model.torque_column][0].replace("_", "_max_", 1), 1.0)
     if not 0.0 < largest < math.inf:
         raise ValueError(f"speed: found {largest}, expected a positive number")
-    means = _section(model.toml, "log_means")
-    given = {name: float(covariates.get(name, means.get(name, 0.0))) for name in model.needs if name in {*covariates, *means}}
+    known = _section(model.toml, "log_means") | dict(covariates)
+    given = {name: float(known[name]) for name in model.needs if name in known}
+    missing = [name for name in model.needs if name not in given and name not in _MOTION]
+    if missing:
+        raise FrictionError(f"plot: the model {model.name} states no mean of {', '.join(missing)}, expected {missing[0]}=...")
     ax = _axes(ax)
     shares = [_LEAST_SPEED ** (1 - step / (_SPEEDS - 1)) for step in range(_SPEEDS)]
     for sign, label in ((1.0, model.name), (-1.0, None)):

@@ -1,5 +1,7 @@
 """What models and results show: print, frames, residuals with the labels of the log, and figures."""
 
+import re
+
 import matplotlib
 import numpy
 import pandas
@@ -160,6 +162,10 @@ def test_plot_of_a_model_draws_its_friction_in_both_directions(frame, fit, found
         found.extended.plot(temperature_c=20.0)
     with pytest.raises(ValueError, match="speed"):
         linear.plot(speed=0.0)
+    without_means = friction.Model.from_toml(re.sub(r"(?ms)^\[log_means\]\n.*?(?=^\[|\Z)", "", found.extended.toml))
+    with pytest.raises(friction.FrictionError, match="states no mean of pressure_diff_pa"):
+        without_means.plot()
+    assert without_means.plot(pressure_diff_pa=0.0).get_title().endswith("at pressure_diff_pa = 0")
 
 
 def test_plot_of_a_fit_draws_measured_predicted_and_residual(frame, fit):
