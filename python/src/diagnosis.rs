@@ -65,27 +65,27 @@ impl Diagnosis {
 
     /// The model to hand out: the extended one, or the base model if nothing was extended.
     #[getter]
-    fn model(&self) -> Model {
+    fn model(&self, py: Python<'_>) -> PyResult<Model> {
         let outcome = diagnosis::transferable_model(&self.found);
         let toml = diagnosis::parameter_text(&self.found, &self.input);
         let auxiliary = self.found.auxiliary_of_driver().map(str::to_owned);
-        Model::of_fit(toml, &outcome, &self.input, auxiliary)
+        Model::of_fit(py, toml, &outcome, &self.input, auxiliary)
     }
 
     /// The extended model as it was evaluated on this log.
     #[getter]
-    fn extended(&self) -> Model {
+    fn extended(&self, py: Python<'_>) -> PyResult<Model> {
         let (fit, auxiliary) = (&self.found.extended, self.found.auxiliary.clone());
         let toml = diagnosis::law_text(&self.found, &self.input, fit, auxiliary.as_deref());
-        Model::of_fit(toml, fit, &self.input, auxiliary)
+        Model::of_fit(py, toml, fit, &self.input, auxiliary)
     }
 
     /// The base model, without extension.
     #[getter]
-    fn baseline(&self) -> Model {
+    fn baseline(&self, py: Python<'_>) -> PyResult<Model> {
         let fit = &self.found.baseline;
         let toml = diagnosis::law_text(&self.found, &self.input, fit, None);
-        Model::of_fit(toml, fit, &self.input, None)
+        Model::of_fit(py, toml, fit, &self.input, None)
     }
 }
 

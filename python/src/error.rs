@@ -25,10 +25,10 @@ fn keyword(reference: Reference) -> String {
         (Setting::AsLogged, _) => format!("as_logged=[{}]", quoted(value)),
         (Setting::TorqueFrom, "") => "torque_from=".into(),
         (Setting::TorqueFrom, _) => format!("torque_from={}", quoted(value)),
-        (Setting::BadRows, _) => {
-            let percent = value.trim_end_matches('%').parse::<f64>().unwrap_or_default();
-            format!("bad_rows={}", percent / 100.0)
-        }
+        (Setting::BadRows, _) => match value.trim_end_matches('%').parse::<f64>() {
+            Ok(percent) => format!("bad_rows={}", percent / 100.0),
+            Err(_) => format!("bad_rows={value}"),
+        },
         (Setting::Columns, "") => "columns=".into(),
         // The command line lists the columns of a file; a data frame lists them itself.
         (Setting::Columns, "help") => "the header".into(),

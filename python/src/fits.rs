@@ -82,13 +82,13 @@ impl Fits {
 
     /// The fitted models, in the order of the request.
     #[getter]
-    fn models(&self) -> Vec<Model> {
+    fn models(&self, py: Python<'_>) -> PyResult<Vec<Model>> {
         let command = if self.comparison.is_some() { "compare" } else { "identify" };
         self.fits
             .iter()
             .map(|fit| {
                 let toml = parameter_file(command, &self.input, fit, None, &Measurement::default());
-                Model::of_fit(toml, fit, &self.input, None)
+                Model::of_fit(py, toml, fit, &self.input, None)
             })
             .collect()
     }

@@ -14,6 +14,7 @@ use joint_log::{
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use std::fmt::Display;
 use std::path::PathBuf;
 
 /// Where a log is, and how it is read and split.
@@ -61,47 +62,26 @@ impl Log {
     ) -> PyResult<Self> {
         let error = |error: Error| crate::error::to_python(py, error);
         let rigid_body = parse_rigid_body(rigid_body).map_err(|e| error(e.into()))?;
-        let motion = match motion {
-            None => None,
-            Some("smoothed") => Some(true),
-            Some("logged") => Some(false),
-            Some(other) => {
-                let line = format!("motion={other:?}: expected \"smoothed\" or \"logged\"");
-                return Err(refused(py, &line));
-            }
-        };
-        let preset = preset
-            .map(|name| {
-                let known: Vec<&str> = Preset::ALL.iter().map(|preset| preset.name()).collect();
-                let expected = known.join(", ");
-                let line = format!("preset={name:?}: expected one of {expected}");
-                Preset::parse(name).ok_or_else(|| refused(py, &line))
-            })
-            .transpose()?;
-        let loss = match loss {
-            None => None,
-            Some("squares") => Some(Loss::Squares),
-            Some("huber") => Some(Loss::Huber),
-            Some(other) => {
-                let line = format!("loss={other:?}: expected \"squares\" or \"huber\"");
-                return Err(refused(py, &line));
-            }
-        };
+        let motion = parsed(py, "motion", motion, |text| match text {
+            "smoothed" => Ok(true),
+            "logged" => Ok(false),
+            _ => Err("\"smoothed\" or \"logged\""),
+        })?;
+        let preset = parsed(py, "preset", preset, |name| {
+            let known = || Preset::ALL.map(Preset::name).join(", ");
+            Preset::parse(name).ok_or_else(|| format!("one of {}", known()))
+        })?;
+        let loss = parsed(py, "loss", loss, |text| match text {
+            "squares" => Ok(Loss::Squares),
+            "huber" => Ok(Loss::Huber),
+            _ => Err("\"squares\" or \"huber\""),
+        })?;
         let corrections = corrections(motion, &as_logged)
             .map_err(|end| refused(py, &format!("as_logged: {end}")))?;
         let texts = columns.iter().map(|(ours, theirs)| format!("{ours}={theirs}")).collect();
-        let torque_constant = torque_constant
-            .map(|text| {
-                let wrong = |e| refused(py, &format!("torque_constant={text:?}: expected {e}"));
-                TorqueConstant::parse(text).map_err(wrong)
-            })
-            .transpose()?;
-        let torque_from = torque_from
-            .map(|text| {
-                let wrong = |e| refused(py, &format!("torque_from={text:?}: expected {e}"));
-                ServoTorque::parse(text).map_err(wrong)
-            })
-            .transpose()?;
+        let torque_constant =
+            parsed(py, "torque_constant", torque_constant, TorqueConstant::parse)?;
+        let torque_from = parsed(py, "torque_from", torque_from, ServoTorque::parse)?;
         let max_bad_share = bad_rows.unwrap_or(MAX_BAD_SHARE);
         if !(0.0..1.0).contains(&max_bad_share) {
             return Err(refused(py, "bad_rows: expected a share of at least 0 and below 1"));
@@ -169,6 +149,17 @@ impl Log {
     pub fn smooths_motion(&self) -> bool {
         self.options.corrections.motion
     }
+}
+
+/// Parses the text of a keyword. The error of `parse` ends "expected ..".
+fn parsed<T, E: Display>(
+    py: Python<'_>,
+    name: &str,
+    text: Option<&str>,
+    parse: impl Fn(&str) -> Result<T, E>,
+) -> PyResult<Option<T>> {
+    let wrong = |text, end| refused(py, &format!("{name}={text:?}: expected {end}"));
+    text.map(|text| parse(text).map_err(|end| wrong(text, end))).transpose()
 }
 
 /// Returns the source of a log from paths and tables, and the names of its held-out part.

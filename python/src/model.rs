@@ -222,25 +222,30 @@ impl Model {
 }
 
 impl Model {
-    /// Returns the model of a fit.
+    /// Returns the model of a fit, with its parameter file.
+    ///
+    /// # Errors
+    /// If the file cannot be parsed.
     pub fn of_fit(
+        py: Python<'_>,
         toml: String,
         outcome: &Outcome,
         input: &Prepared,
         auxiliary: Option<String>,
-    ) -> Self {
+    ) -> PyResult<Self> {
+        let file = params::parse(&toml, &[]).map_err(|e| wrong_model(py, &e.to_string()))?;
         // As the text of the file has it.
         let DriverForm { parameters, estimates, .. } = outcome.for_driver();
-        Self {
+        Ok(Self {
             spec: outcome.spec.clone(),
             parameters,
             joint: input.data.joint,
-            columns: params::parse(&toml, &[]).map(|file| columns(&file)).unwrap_or_default(),
+            columns: columns(&file),
             toml,
             is_motion_logged: input.is_motion_logged,
             estimates: estimates.iter().map(|of| (of.id, of.std_error, of.state.name())).collect(),
             auxiliary,
-        }
+        })
     }
 
     /// Returns name and values, as a diagnosis evaluates a given model.

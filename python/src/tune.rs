@@ -250,7 +250,7 @@ impl Listener {
     }
 
     /// Listens once. The first exception ends the session, which returns when the joint is back at its former set.
-    fn hear(&self, state: &Progress) -> ControlFlow<()> {
+    fn poll(&self, state: &Progress) -> ControlFlow<()> {
         if let Err(raised) = Python::attach(|py| self.listen(py, state)) {
             self.is_interrupted.store(true, Ordering::Relaxed);
             self.exception.borrow_mut().get_or_insert(raised);
@@ -276,7 +276,7 @@ pub fn tune(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Tuning> {
     let joint = joint.get();
-    let options = options(joint, [range_rad, speed_rad_s, minutes], motion)
+    let options = options(joint, range_rad, speed_rad_s, minutes, motion)
         .map_err(|error| failed(py, &error))?;
     let options = TuneOptions { allow_active, ..options };
     let is_interrupted = Arc::new(AtomicBool::new(false));
@@ -292,7 +292,7 @@ pub fn tune(
             exception: RefCell::default(),
             unanswered: RefCell::default(),
         };
-        let outcome = work::run(0, &|state| listener.hear(state), || {
+        let outcome = work::run(0, &|state| listener.poll(state), || {
             let user = Caller { questions: send };
             session(joint, &options, is_interrupted, user)
         });
@@ -319,7 +319,9 @@ pub fn tune(
 
 fn options(
     joint: &Joint,
-    [range_rad, speed_rad_s, minutes]: [f64; 3],
+    range_rad: f64,
+    speed_rad_s: f64,
+    minutes: f64,
     motion: Option<(String, String)>,
 ) -> Result<TuneOptions, Failure> {
     // The limits of the command line.
