@@ -136,6 +136,7 @@ def diagnose(
     Raises:
         DataError: If the data cannot be read, checked or split.
         ModelError: If the model is unknown.
+        ImportError: If ``progress`` is True and tqdm is missing.
         KeyboardInterrupt: After Ctrl-C; no work goes on.
     """
     request = _log(

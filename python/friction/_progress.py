@@ -22,7 +22,11 @@ def _is_notebook() -> bool:
 
 @contextmanager
 def shown(progress: Progress | bool | None) -> Iterator[Progress | None]:
-    """Yields the callable to report to. None shows a bar in notebooks if tqdm is installed; True shows it everywhere."""
+    """Yields the callable to report to. None shows a bar in notebooks if tqdm is installed; True shows it everywhere.
+
+    Raises:
+        ImportError: For True, if tqdm is missing.
+    """
     if callable(progress):
         yield progress
         return
@@ -31,7 +35,9 @@ def shown(progress: Progress | bool | None) -> Iterator[Progress | None]:
         return
     try:
         tqdm: Any = importlib.import_module("tqdm.auto").tqdm
-    except ImportError:
+    except ImportError as error:
+        if progress is True:
+            raise ImportError("progress=True: tqdm is missing: pip install tqdm") from error
         yield None
         return
     with tqdm(total=None, bar_format="{desc} {elapsed}", leave=False) as bar:

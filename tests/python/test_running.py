@@ -48,6 +48,13 @@ def test_progress_reports_stages_and_ends_work_by_an_exception(long_log):
     wait_until(lambda: threads() <= begin, "end of the threads")
 
 
+def test_progress_that_is_asked_for_needs_tqdm(monkeypatch):
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with pytest.raises(ImportError, match="pip install tqdm"):
+        friction.simulate("underwater-joint", runs=1, seconds=1, progress=True)
+    assert friction.simulate("underwater-joint", runs=1, seconds=1).csv
+
+
 # Sends Ctrl-C to itself from a second thread, so that both ends of the time are on the same clock: its processor's.
 INTERRUPTED = """
     import os, signal, sys, threading, time
