@@ -7,6 +7,7 @@ mod bus;
 pub mod clock;
 pub mod comparators;
 pub mod dma;
+mod encoder_buses;
 pub mod fdcan;
 pub mod flash;
 pub mod gpio;
@@ -35,7 +36,7 @@ use flash::Flash;
 use gpio::Gpio;
 use i2c::I2c;
 use random::Random;
-use spi::{BusFrame, Spi};
+use spi::Spi;
 use std::collections::HashMap;
 use timer1::{Timer1, TimerEvent};
 use timer3::{SlaveEvent, Timer3};
@@ -343,73 +344,6 @@ impl<W: World> Chip<W> {
         }
     }
 
-    /// Serves a request to send a word of the encoder's bus.
-    fn send_word(&mut self, request: u32, at: u64, latched_at: u64, memory: &mut dyn Memory) {
-        if let Some(transfer) = self.dma.serve(request)
-            && transfer.from_memory
-            && transfer.peripheral == SPI1_DR
-        {
-            let word = memory.read_half(transfer.memory);
-            self.exchange(word, at, latched_at);
-        }
-    }
-
-    /// Starts a frame of the encoder. The encoder latches its angle at this time, which may be ahead.
-    fn exchange(&mut self, word: u16, at: u64, latched_at: u64) {
-        let by_timer = self.gpio.connects(self.wiring.encoder_select) && self.timer3.selects(at);
-        let is_selected = self.gpio.connects(self.wiring.encoder_bus)
-            && (by_timer || self.gpio.is_encoder_selected());
-        let seconds = (latched_at as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64;
-        let world = &mut self.world;
-        let trigger = self.timer1.last_trigger();
-        let is_connected = self.gpio.connects(self.wiring.encoder_bus);
-        let line = &mut self.biss;
-        self.spi.write(SPI1_DR & 0x3FF, word.into(), at, &mut |frame| match frame {
-            BusFrame::Word(word) if is_selected => world.encoder(word, seconds),
-            BusFrame::Clocks { begin, bits, clocking } if is_connected => {
-                let mut latch = |time: u64| {
-                    let seconds = (time as f64 - trigger as f64) / CORE_HZ as f64;
-                    world.biss_frame(seconds).unwrap_or(u64::MAX)
-                };
-                line.word(begin, bits, clocking, &mut latch)
-            }
-            _ => 0xFFFF,
-        });
-    }
-
-    /// Sends the words of the joint's encoder that DMA has. Nothing but the clock leaves the bus, so they have no content.
-    fn feed_joint_bus(&mut self, at: u64) {
-        while self.joint_bus.wants_word() {
-            let Some(transfer) = self.dma.serve(request::SPI3_TX) else { break };
-            if !(transfer.from_memory && transfer.peripheral == SPI3_DR) {
-                continue;
-            }
-            let is_connected = self.gpio.connects(self.wiring.joint_encoder);
-            let (world, line, trigger) =
-                (&mut self.world, &mut self.joint_line, self.timer1.last_trigger());
-            self.joint_bus.write(SPI3_DR & 0x3FF, 0, at, &mut |frame| match frame {
-                BusFrame::Clocks { begin, bits, clocking } if is_connected => {
-                    let mut latch = |time: u64| {
-                        let seconds = (time as f64 - trigger as f64) / CORE_HZ as f64;
-                        world.joint_frame(seconds).unwrap_or(u64::MAX)
-                    };
-                    line.word(begin, bits, clocking, &mut latch)
-                }
-                _ => 0xFFFF,
-            });
-        }
-    }
-
-    fn finish_joint_word(&mut self, at: u64, memory: &mut dyn Memory) {
-        if self.joint_bus.process(at)
-            && let Some(transfer) = self.dma.serve(request::SPI3_RX)
-        {
-            let answer = self.joint_bus.read(SPI3_DR & 0x3FF, at) as u16;
-            memory.write_half(transfer.memory, answer);
-        }
-        self.feed_joint_bus(at);
-    }
-
     /// Time since the last sample of the surroundings, s.
     fn since_sample(&self) -> f64 {
         (self.now as f64 - self.timer1.last_trigger() as f64) / CORE_HZ as f64
@@ -419,15 +353,6 @@ impl<W: World> Chip<W> {
     fn follow_edges(&mut self) {
         let edges = self.world.edges(self.since_sample());
         self.timer20.follow(edges, self.gpio.connects(self.wiring.quadrature));
-    }
-
-    fn finish_frame(&mut self, at: u64, memory: &mut dyn Memory) {
-        if self.spi.process(at)
-            && let Some(transfer) = self.dma.serve(request::SPI1_RX)
-        {
-            let answer = self.spi.read(SPI1_DR & 0x3FF, at) as u16;
-            memory.write_half(transfer.memory, answer);
-        }
     }
 
     fn trigger_converters(&mut self, at: u64, signal: Signal, is_rising: bool) {

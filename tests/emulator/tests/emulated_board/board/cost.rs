@@ -9,12 +9,14 @@ use compensator_core::LawKind;
 use compensator_core::term::{MAX_TERMS, TermKind};
 use emulated_board::BoardDriver;
 use emulated_board::costs::Costs;
+use emulated_board::cycles::Cost;
 use firmware::reference_joint::configuration;
 use joint_rig::{JointRig, PERIOD_CYCLES, PowerUp, RigFaults, stage_at_power_up};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 
 /// The terms with the highest individual cost, the costliest first: as many as a model holds.
 pub const COSTLIEST_TERMS: [TermKind; MAX_TERMS] = [
@@ -28,20 +30,31 @@ pub const COSTLIEST_TERMS: [TermKind; MAX_TERMS] = [
     TermKind::Backlash,
 ];
 
-/// Models, with limits of the share of the period that the interrupt takes, by the upper estimate: a tenth
-/// below, and 7 % above, as sensors that a user adds need what is left.
-const MODELS: [(&str, &[TermKind], [f64; 2]); 3] = [
-    ("improved LuGre", &[], [0.28, 0.34]),
-    (
-        "improved LuGre + the three most expensive terms",
-        COSTLIEST_TERMS.split_at(3).0,
-        [0.42, 0.50],
-    ),
-    ("improved LuGre + the eight most expensive terms", &COSTLIEST_TERMS, [0.51, 0.60]),
+/// A model whose costs are measured.
+struct CostCase {
+    name: &'static str,
+    terms: &'static [TermKind],
+    /// Limits of the share of the period that the interrupt takes, by the upper estimate: a tenth below, and 7 % above, as
+    /// sensors that a user adds need what is left.
+    shares: RangeInclusive<f64>,
+}
+
+const CASES: [CostCase; 3] = [
+    CostCase { name: "improved LuGre", terms: &[], shares: 0.28..=0.34 },
+    CostCase {
+        name: "improved LuGre + the three most expensive terms",
+        terms: COSTLIEST_TERMS.split_at(3).0,
+        shares: 0.42..=0.50,
+    },
+    CostCase {
+        name: "improved LuGre + the eight most expensive terms",
+        terms: &COSTLIEST_TERMS,
+        shares: 0.51..=0.60,
+    },
 ];
 
 /// Limits of the share of a millisecond that the background takes without the interrupts, by the upper estimate.
-const BACKGROUND_SHARES: [f64; 2] = [0.25, 0.40];
+const BACKGROUND_SHARES: RangeInclusive<f64> = 0.25..=0.40;
 
 /// Cycles of a millisecond.
 const MILLISECOND_CYCLES: f64 = 170_000.0;
@@ -85,20 +98,26 @@ fn measure(terms: &[TermKind], encoder_kind: f32) -> Costs {
     costs.take()
 }
 
-/// Returns the parts of the worst period: function, lower, upper; the largest first.
-fn parts(costs: &Costs) -> Vec<(String, u32, u32)> {
-    let mut sums: BTreeMap<String, (u32, u32)> = BTreeMap::new();
+/// A function in the worst period.
+struct Part {
+    function: String,
+    cost: Cost,
+}
+
+/// Returns the parts of the worst period; the largest first.
+fn parts(costs: &Costs) -> Vec<Part> {
+    let mut sums: BTreeMap<String, Cost> = BTreeMap::new();
     for (address, cost) in &costs.blocks {
         let name = image()
             .function_at(*address)
             .map_or("?".into(), |symbol| format!("{:#}", rustc_demangle::demangle(&symbol.name)));
         let sum = sums.entry(name).or_default();
-        sum.0 += cost.lower;
-        sum.1 += cost.upper;
+        sum.lower += cost.lower;
+        sum.upper += cost.upper;
     }
-    let mut parts: Vec<_> =
-        sums.into_iter().map(|(name, (lower, upper))| (name, lower, upper)).collect();
-    parts.sort_by_key(|(_, _, upper)| std::cmp::Reverse(*upper));
+    let mut parts: Vec<Part> =
+        sums.into_iter().map(|(function, cost)| Part { function, cost }).collect();
+    parts.sort_by_key(|part| std::cmp::Reverse(part.cost.upper));
     parts
 }
 
@@ -118,33 +137,31 @@ fn emit(rows: &[(&str, Costs)]) -> String {
         );
     }
     text.push_str("\n# Parts\nfunction\tlower\tupper\n");
-    let parts = parts(&rows[1].1);
-    for (name, lower, upper) in parts.iter().take(PARTS) {
-        let _ = writeln!(text, "`{name}`\t{lower}\t{upper}");
+    let costs = &rows[1].1;
+    let mut rest = costs.worst;
+    for Part { function, cost } in parts(costs).iter().take(PARTS) {
+        let _ = writeln!(text, "`{function}`\t{}\t{}", cost.lower, cost.upper);
+        rest.lower = rest.lower.saturating_sub(cost.lower);
+        rest.upper -= cost.upper;
     }
-    let named = parts
-        .iter()
-        .take(PARTS)
-        .fold([0, 0], |[lower, upper], part| [lower + part.1, upper + part.2]);
-    let worst = rows[1].1.worst;
-    let rest = [worst.lower.saturating_sub(named[0]), worst.upper - named[1]];
-    let _ = writeln!(text, "entry, return, registers, all others\t{}\t{}", rest[0], rest[1]);
+    let Cost { lower, upper } = rest;
+    let _ = writeln!(text, "entry, return, registers, all others\t{lower}\t{upper}");
     text
 }
 
 #[test]
 fn interrupt_in_closed_loop_stays_within_its_share_of_the_period() {
-    let rows = MODELS.map(|(name, terms, _)| (name, measure(terms, 0.0)));
+    let rows = CASES.map(|case| (case.name, measure(case.terms, 0.0)));
     let written = emit(&rows);
     print!("{written}");
-    for ((name, costs), (_, _, [least, most])) in rows.iter().zip(MODELS) {
+    for ((name, costs), case) in rows.iter().zip(CASES) {
         let share = f64::from(costs.worst.upper) / f64::from(PERIOD_CYCLES);
-        assert!((least..=most).contains(&share), "{name}: {share:.3} of a period");
+        assert!(case.shares.contains(&share), "{name}: {share:.3} of a period");
         assert!(costs.runs > 10_000, "{name}: {} runs", costs.runs);
         assert!(costs.latest_end < LATE_CYCLES, "{name}: ends after {}", costs.latest_end);
         let share = f64::from(costs.background.upper) / MILLISECOND_CYCLES;
-        let [least, most] = BACKGROUND_SHARES;
-        assert!((least..=most).contains(&share), "{name}: background {share:.3} of a millisecond");
+        let is_within = BACKGROUND_SHARES.contains(&share);
+        assert!(is_within, "{name}: background {share:.3} of a millisecond");
     }
     write_figures("interrupt-cycles.tsv", &written);
 }
