@@ -129,6 +129,7 @@ impl JointBase {
     }
 
     /// Returns the state of the joint, which may be armed in HIL.
+    #[inline(never)]
     pub(crate) fn state(&self) -> JointState {
         match self.supervisor.state() {
             JointState::Safe if self.is_hil_armed => JointState::Armed,

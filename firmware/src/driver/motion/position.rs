@@ -285,6 +285,7 @@ impl Motion {
     }
 
     /// Returns the time for which the following error has exceeded its window, ms; 0 without position control.
+    #[inline(never)]
     pub(crate) fn following_exceeded_ms(&self, joint: &JointBase) -> u32 {
         let is_controlled = self.is_in_position_control(joint)
             && self.profile.mode != profile::HOMING
@@ -309,6 +310,7 @@ impl Motion {
     }
 
     /// Returns a target within the limits.
+    #[inline(never)]
     fn bounded_target(&self, joint: &JointBase, wanted: Angle) -> Angle {
         let Some([least, most]) = self.position_limits(joint) else { return wanted };
         wanted.max(least).min(most)
