@@ -71,21 +71,6 @@ enum ChannelLayout {
     Merged,
 }
 
-/// Rows of all runs that were moved or left out.
-#[derive(Clone, Copy, Default)]
-struct RowCounts {
-    /// Rows that occur twice.
-    duplicates: usize,
-    /// Rows before an earlier one, which were sorted.
-    late: usize,
-    /// Rows with the time stamp of the row before.
-    repeated: usize,
-    /// Rows of such a stamp that were spread up to the next.
-    spread: usize,
-    /// Rows without a torque, or without any measurement of the joint.
-    others: usize,
-}
-
 impl Cleaner<'_> {
     /// Evaluates the columns, fills missing values, splits recordings and returns the data.
     ///
@@ -98,15 +83,15 @@ impl Cleaner<'_> {
         self.check_rates()?;
         let uses = self.column_uses()?;
         let channels = self.channel_layout();
-        let mut counts = RowCounts::default();
+        let (mut repeated, mut late, mut duplicates) = (0, 0, 0);
         let mut all: Vec<Recording> = Vec::new();
         let mut runs = take(&mut self.runs);
         self.continue_clock(&mut runs);
         self.check_clock(&runs)?;
         for (at, run) in runs.iter_mut().enumerate() {
-            counts.duplicates += remove_duplicates(run);
-            counts.late += sort_rows(run);
-            counts.repeated += self.remove_backward_rows(run);
+            duplicates += remove_duplicates(run);
+            late += sort_rows(run);
+            repeated += self.remove_backward_rows(run);
             let is_one = self.layout.run.is_some();
             let whole = 0..run.row_numbers.len();
             let found = if is_one { vec![whole] } else { recordings(&run.required[0]) };
@@ -115,24 +100,23 @@ impl Cleaner<'_> {
                 |(number, rows)| Recording { run: at, number: several.then_some(number + 1), rows },
             ));
         }
-        if channels == ChannelLayout::Single {
-            counts.spread = spread_rows(&mut runs, &all);
-        }
+        let spread =
+            if channels == ChannelLayout::Single { spread_rows(&mut runs, &all) } else { 0 };
         let uses = self.drop_incomplete_columns(uses, &mut runs, &all);
         let filled = self.fill_optional(&uses, &mut runs, &all);
         if channels == ChannelLayout::Merged {
             fill_velocity(&mut runs, &all);
         }
-        let mut clean = Vec::new();
+        let (mut clean, mut other_rows) = (Vec::new(), 0);
         for recording in &all {
             let (run, others) = self.extract(&mut runs[recording.run], recording, &uses, channels);
             clean.extend(run);
-            counts.others += others;
+            other_rows += others;
         }
         self.check_bad_share()?;
         self.add_column_notes(&uses, &filled, &clean);
-        self.add_row_notes(channels, &counts, all.len() - runs.len());
-        self.add_order_notes(&counts);
+        self.add_row_notes(channels, other_rows, all.len() - runs.len());
+        self.add_order_notes(late, duplicates, repeated, spread);
         let Self { mut layout, clock, rows, bad, .. } = self;
         let Layout { optional, sources, .. } = &mut layout;
         for ((column, filled), column_use) in optional.iter().zip(&filled).zip(&uses) {

@@ -117,8 +117,8 @@ impl LongTable {
         let text = |at: usize, row: usize| cells(at).text_of(row);
         let numbers = |at: &usize| (0..count).filter(|row| is_number(cells(*at), *row)).count();
         let value = self.values.iter().copied().rev().max_by_key(numbers)?;
-        let AllSeries { names, column: name, of_row: series_of } = self.series(table, count)?;
-        if name == value {
+        let (names, name_column, series_of) = self.series(table, count)?;
+        if name_column == value {
             return None;
         }
         let key = |row| self.keys.iter().map(|at| text(*at, row)).collect::<Vec<_>>();
@@ -130,12 +130,12 @@ impl LongTable {
         let mut series: HashMap<(usize, usize), Series> = HashMap::new();
         let mut sample = |row: usize| {
             let (key, name) = (keys[row], series_of[row]);
-            let place = series.entry((key, name)).or_default().add(times[row], key);
-            Sample { place, name, row }
+            let (recording, time, repeat) = series.entry((key, name)).or_default().add(times[row]);
+            Sample { order: (recording, time, key, repeat), name, row }
         };
         let mut samples: Vec<Sample> = (0..count).map(&mut sample).collect();
-        samples.sort_by(|a, b| a.place.partial_cmp(&b.place).unwrap_or(Ordering::Equal));
-        let rows: Vec<&[Sample]> = samples.chunk_by(|a, b| a.place == b.place).collect();
+        samples.sort_by(|a, b| a.order.partial_cmp(&b.order).unwrap_or(Ordering::Equal));
+        let rows: Vec<&[Sample]> = samples.chunk_by(|a, b| a.order == b.order).collect();
         // A state beside one measurement has each time once.
         if !self.is_named && rows.len() as f64 > MAX_UNNAMED_SHARE * samples.len() as f64 {
             return None;
@@ -161,11 +161,11 @@ impl LongTable {
         let columns = kept.chain(series).collect();
         let times = (0..count).filter(|row| series_of[*row] == 0).map(|row| times[row]).collect();
         let table = Table { name: table.name.clone(), columns };
-        Some(WideTable { table, first, times, name, value })
+        Some(WideTable { table, first, times, columns: [name_column, value] })
     }
 
-    /// Returns the series of a table of `count` lines.
-    fn series(&self, table: &Table, count: usize) -> Option<AllSeries> {
+    /// Returns the names of the series, the column that holds most of them, and the series of each row.
+    fn series(&self, table: &Table, count: usize) -> Option<(Vec<String>, usize, Vec<usize>)> {
         let text = |at: usize, row: usize| table.columns[at].1.text_of(row);
         let of_column = |at: usize| indices((0..count).map(|row| text(at, row))).1.len();
         let is_possible =
@@ -199,8 +199,7 @@ impl LongTable {
         let (series, names) = indices((0..count).map(name));
         let unit = |at: usize| text(self.units?, series.iter().position(|of| *of == at)?).into();
         let units: Vec<Option<String>> = (0..names.len()).map(unit).collect();
-        let names = self.column_names(names, &units);
-        Some(AllSeries { names, column: most, of_row: series })
+        Some((self.column_names(names, &units), most, series))
     }
 
     /// Returns the names of the columns: without the path that all names share, and with units, unless `--columns` refers to a
@@ -234,35 +233,14 @@ pub(super) struct WideTable {
     pub first: Vec<usize>,
     /// The times of the first series, in the unit of their column.
     times: Vec<f64>,
-    /// The column of the names.
-    pub name: usize,
-    /// The column of the values.
-    pub value: usize,
+    /// The columns of the names and of the values.
+    pub columns: [usize; 2],
 }
 
-/// The series of a long table.
-struct AllSeries {
-    names: Vec<String>,
-    /// The column that holds most of the names.
-    column: usize,
-    /// The series of each row.
-    of_row: Vec<usize>,
-}
-
-/// The place of a value among the rows, which are in the order of these fields.
-#[derive(Clone, Copy, PartialEq, PartialOrd)]
-struct Place {
-    recording: usize,
-    time: f64,
-    /// The run or joint.
-    key: usize,
-    /// Number of values of the series at this time before it.
-    repeat: usize,
-}
-
-/// A value: its place, its series and its row in the long table.
+/// A value: its place among the rows, its series and its row in the long table.
 struct Sample {
-    place: Place,
+    /// Recording, time, run or joint, and the number of values of the series at this time before it.
+    order: (usize, f64, usize, usize),
     name: usize,
     row: usize,
 }
@@ -278,8 +256,8 @@ struct Series {
 }
 
 impl Series {
-    /// Returns the place of the next sample, which is of a run or joint.
-    fn add(&mut self, time: f64, key: usize) -> Place {
+    /// Returns the recording of the next sample, its time, and the number of samples with this time before it.
+    fn add(&mut self, time: f64) -> (usize, f64, usize) {
         // A row with an invalid time is rejected later.
         let time = if time.is_nan() { self.last } else { time };
         let is_restart = time - self.first < 0.5 * (self.last - self.first);
@@ -292,7 +270,7 @@ impl Series {
         }
         self.last = self.last.max(time);
         self.samples += 1;
-        Place { recording: self.recording, time, key, repeat: self.repeat }
+        (self.recording, time, self.repeat)
     }
 }
 

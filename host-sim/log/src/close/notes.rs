@@ -1,6 +1,6 @@
 //! Notes on what became of a file's columns and rows.
 
-use super::{ChannelLayout, RowCounts};
+use super::ChannelLayout;
 use crate::clean::Cleaner;
 use crate::clock;
 use crate::columns::ColumnUse;
@@ -93,10 +93,9 @@ impl Cleaner<'_> {
     pub(super) fn add_row_notes(
         &mut self,
         channels: ChannelLayout,
-        counts: &RowCounts,
+        other_rows: usize,
         extra_recordings: usize,
     ) {
-        let RowCounts { repeated, spread, others, .. } = *counts;
         if self.unselected_rows > 0 {
             let asked =
                 self.layout.only.iter().map(|only| {
@@ -116,11 +115,11 @@ impl Cleaner<'_> {
         }
         match channels {
             ChannelLayout::Merged => self.note(format!(
-                "velocity and torque have separate time stamps: {others} rows without a torque are ignored, and \
+                "velocity and torque have separate time stamps: {other_rows} rows without a torque are ignored, and \
                  the velocity is interpolated in time at the rows with a torque"
             )),
             ChannelLayout::SeparateCovariates => self.note(format!(
-                "{others} rows hold neither velocity nor torque, only columns with separate time stamps"
+                "{other_rows} rows hold neither velocity nor torque, only columns with separate time stamps"
             )),
             ChannelLayout::Single => {}
         }
@@ -131,6 +130,18 @@ impl Cleaner<'_> {
                 extra_recordings + 1,
             ));
         }
+    }
+
+    /// Adds notes on rows with equal time stamps, of which some were spread, on rows that occur twice, and on rows that were
+    /// sorted.
+    pub(super) fn add_order_notes(
+        &mut self,
+        late: usize,
+        duplicates: usize,
+        repeated: usize,
+        spread: usize,
+    ) {
+        let rows = self.rows;
         if spread > 0 {
             self.note(format!(
                 "{spread} rows repeat the time stamp before them: the rows of a stamp are spread evenly up to the next"
@@ -140,11 +151,6 @@ impl Cleaner<'_> {
         if repeated > 0 {
             self.note(format!("{repeated} rows repeat the time stamp before them and are kept"));
         }
-    }
-
-    /// Adds notes on rows that were sorted, and on rows that occur twice.
-    pub(super) fn add_order_notes(&mut self, counts: &RowCounts) {
-        let (rows, RowCounts { late, duplicates, .. }) = (self.rows, *counts);
         if duplicates > 0 {
             self.note(format!(
                 "{duplicates} of {rows} rows repeat an earlier row in all columns and are left out"

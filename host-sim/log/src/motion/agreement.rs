@@ -49,7 +49,7 @@ const MIN_OWN_RESIDUAL: f64 = 4.0;
 const SIGN_ERRORS: f64 = 2.0;
 
 /// Comparison of a velocity with the derivative of its position.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Agreement {
     /// Logged velocity over the position's derivative.
     pub gain: f64,
@@ -106,144 +106,96 @@ impl Agreement {
     }
 }
 
-/// Rounds of the regression. All but the first leave out the largest residuals.
-const ROUNDS: usize = 3;
-
-/// A row of the regression, with the smoothed motion per median step.
-struct Row {
-    logged: f64,
-    velocity: f64,
-    acceleration: f64,
-    jerk: f64,
-    /// Variance of the velocity given the position alone.
-    variance: f64,
-    /// True if the row before is of another series.
-    is_first: bool,
-}
-
-/// Compares velocity and position. Every series must have a position. Returns `None` if there are too few rows, or their motion
-/// does not determine the gain.
-pub fn agreement(all: &[Series]) -> Option<Agreement> {
+/// Compares velocity and position. Every series must have a position.
+pub fn agreement(all: &[Series]) -> Agreement {
+    let mut alone: Vec<Series> = Vec::new();
+    let mut velocities: Vec<Vec<f64>> = Vec::new();
     let rows: usize = all.iter().map(Series::len).sum();
     let stride = rows.div_ceil(MAX_ROWS).max(1);
-    let part = |series: &Series| {
-        let mut part = series.part(0..(series.len() / stride).max(10));
-        let logged = part.velocity.take().unwrap_or_default();
-        (part, logged)
-    };
-    let (alone, velocities): (Vec<Series>, Vec<Vec<f64>>) =
-        all.iter().filter(|series| series.len() > 10).map(part).unzip();
+    for series in all.iter().filter(|s| s.len() > 10) {
+        let part = series.part(0..(series.len() / stride).max(10));
+        velocities.push(part.velocity.clone().unwrap_or_default());
+        alone.push(Series { velocity: None, ..part });
+    }
     if alone.is_empty() {
-        return None;
+        return Agreement { gain: 1.0, ..Agreement::default() };
     }
     let Levels { noise, jump } = likeliest(&alone);
-    let (mut rows, mut stretches) = (Vec::new(), Vec::new());
-    for (series, logged) in alone.iter().zip(velocities) {
+    // Weighted sums of the normal equations. The later rounds leave out the largest residuals.
+    let mut table: Vec<[f64; 4]> = Vec::new();
+    let mut stretches: Vec<Stretch> = Vec::new();
+    let (mut starts, mut open, mut opened) = (Vec::new(), 0.0, 0.0);
+    for (series, logged) in alone.iter().zip(&velocities) {
         let found = smooth(series, &noise, &vec![jump; series.len() - 1]);
-        let ends = 4.min(series.len() / 4);
-        for (row, logged) in logged.iter().enumerate().take(series.len() - ends).skip(ends) {
-            let ([_, velocity, after], before) = (found.states[row], found.states[row - 1][2]);
-            rows.push(Row {
-                logged: *logged,
-                velocity,
-                // The acceleration of the polygon belongs to the middle of the step after the row.
-                acceleration: 0.5 * (after + before),
-                jerk: after - before,
-                variance: found.variances[row][1],
-                is_first: row == ends,
-            });
-        }
         let derivative = found.states.iter().map(|state| state[1]).collect();
-        stretches.push(Stretch { steps: series.steps.clone(), derivative, logged });
+        stretches.push(Stretch { steps: series.steps.clone(), derivative, logged: logged.clone() });
+        let ends = 4.min(series.len() / 4);
+        starts.push(table.len());
+        let inner = logged.iter().enumerate().take(series.len() - ends).skip(ends);
+        for (row, logged) in inner {
+            let state = found.states[row];
+            // The acceleration of the polygon belongs to the middle of the step after the row.
+            let bend = 0.5 * (state[2] + found.states[row - 1][2]);
+            let jerk = state[2] - found.states[row - 1][2];
+            table.push([*logged, state[1], bend, jerk]);
+            open += found.variances[row][1];
+            opened += 1.0;
+        }
     }
-    if rows.len() < MIN_ROWS {
-        return None;
+    if table.len() < MIN_ROWS {
+        return Agreement { gain: 1.0, ..Agreement::default() };
     }
-    let (mut found, mut inside, mut limit) = (Regression::SAME, Vec::new(), f64::INFINITY);
-    for _ in 0..ROUNDS {
-        let rows_within: Vec<&Row> =
-            rows.iter().filter(|row| found.residual(row).abs() <= limit).collect();
-        let Some(next) = Regression::of(&rows_within) else { break };
-        (found, inside) = (next, rows_within);
-        let mut sizes: Vec<f64> = rows.iter().map(|row| found.residual(row).abs()).collect();
+    let mut limit = f64::INFINITY;
+    let mut result = Agreement { gain: 1.0, ..Agreement::default() };
+    for _ in 0..3 {
+        let (mut vv, mut va, mut aa, mut yv, mut ya, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let lag_slope = -result.gain * result.lag_rows;
+        let left = |row: &[f64; 4]| row[0] - result.gain * row[1] - lag_slope * row[2];
+        let inside: Vec<&[f64; 4]> = table.iter().filter(|row| left(row).abs() <= limit).collect();
+        for [y, v, a, _] in inside.iter().copied() {
+            vv += v * v;
+            va += v * a;
+            aa += a * a;
+            yv += y * v;
+            ya += y * a;
+            count += 1.0;
+        }
+        let determinant = vv * aa - va * va;
+        if determinant.is_nan() || determinant <= 1e-12 * vv * aa {
+            break;
+        }
+        let gain = (yv * aa - ya * va) / determinant;
+        let slope = (ya * vv - yv * va) / determinant;
+        let left = |row: &[f64; 4]| row[0] - gain * row[1] - slope * row[2];
+        let squares: f64 = inside.iter().map(|row| left(row).powi(2)).sum();
+        let variance = squares / count;
+        result = Agreement {
+            gain,
+            lag_rows: -slope / gain,
+            lag_error_rows: (variance * vv / determinant).sqrt() / gain.abs(),
+            gain_error: (variance * aa / determinant).sqrt(),
+            scatter: variance.sqrt(),
+            speed: (vv / count).sqrt(),
+            position_variance: noise.position,
+            left_correlation: correlation(&table, &starts, &left),
+            open: f64::sqrt(open / f64::max(opened, 1.0)),
+            is_independent: is_independent(&inside),
+            low_pass_rows: None,
+        };
+        let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
         let at = sizes.len() * 19 / 20;
         // Twice the 95th percentile is four standard deviations. Residuals beyond it are not noise.
         limit = 2.0 * *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
     }
-    if inside.is_empty() {
-        return None;
-    }
-    let variances: f64 = rows.iter().map(|row| row.variance).sum();
-    Some(Agreement {
-        gain: found.gain,
-        gain_error: found.gain_error,
-        lag_rows: -found.slope / found.gain,
-        lag_error_rows: found.slope_error / found.gain.abs(),
-        scatter: found.scatter,
-        speed: found.speed,
-        position_variance: noise.position,
-        left_correlation: correlation(&rows, &found),
-        open: (variances / rows.len() as f64).sqrt(),
-        is_independent: is_independent(&inside),
-        low_pass_rows: time_constant(&stretches),
-    })
-}
-
-/// Regression of the logged velocity: `gain velocity + slope acceleration`.
-struct Regression {
-    gain: f64,
-    gain_error: f64,
-    slope: f64,
-    slope_error: f64,
-    /// Standard deviation of the residual.
-    scatter: f64,
-    /// RMS of the velocity.
-    speed: f64,
-}
-
-impl Regression {
-    const SAME: Self =
-        Self { gain: 1.0, gain_error: 0.0, slope: 0.0, slope_error: 0.0, scatter: 0.0, speed: 0.0 };
-
-    /// Solves the normal equations of some rows; `None` if velocity and acceleration do not differ.
-    fn of(rows: &[&Row]) -> Option<Self> {
-        let (mut vv, mut va, mut aa, mut yv, mut ya) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for Row { logged, velocity, acceleration, .. } in rows {
-            vv += velocity * velocity;
-            va += velocity * acceleration;
-            aa += acceleration * acceleration;
-            yv += logged * velocity;
-            ya += logged * acceleration;
-        }
-        let determinant = vv * aa - va * va;
-        if determinant.is_nan() || determinant <= 1e-12 * vv * aa {
-            return None;
-        }
-        let gain = (yv * aa - ya * va) / determinant;
-        let slope = (ya * vv - yv * va) / determinant;
-        let found = Self { gain, slope, speed: (vv / rows.len() as f64).sqrt(), ..Self::SAME };
-        let squares: f64 = rows.iter().map(|row| found.residual(row).powi(2)).sum();
-        let variance = squares / rows.len() as f64;
-        Some(Self {
-            gain_error: (variance * aa / determinant).sqrt(),
-            slope_error: (variance * vv / determinant).sqrt(),
-            scatter: variance.sqrt(),
-            ..found
-        })
-    }
-
-    fn residual(&self, row: &Row) -> f64 {
-        row.logged - self.gain * row.velocity - self.slope * row.acceleration
-    }
+    Agreement { low_pass_rows: time_constant(&stretches), ..result }
 }
 
 /// Returns true if a logged velocity has more fast components than the position's derivative. In the regression
 /// `v_logged = b0 v + b1 a + b2 j` (`j` is the third derivative), `b2 < 0` amplifies fast components. Filtered
 /// differences of the position attenuate them; a pure delay of `d` gives `b2 = d^2 / 2`.
-fn is_independent(rows: &[&Row]) -> bool {
-    let regressors = |row: &Row| [row.velocity, row.acceleration, row.jerk];
-    let columns = DMatrix::from_fn(rows.len(), 3, |row, column| regressors(rows[row])[column]);
-    let logged = DVector::from_fn(rows.len(), |row, _| rows[row].logged);
+fn is_independent(rows: &[&[f64; 4]]) -> bool {
+    let columns = DMatrix::from_fn(rows.len(), 3, |row, column| rows[row][column + 1]);
+    let logged = DVector::from_fn(rows.len(), |row, _| rows[row][0]);
     let products = columns.transpose() * &columns;
     let Some(inverse) = products.try_inverse() else { return false };
     let found = &inverse * (columns.transpose() * &logged);
@@ -252,15 +204,13 @@ fn is_independent(rows: &[&Row]) -> bool {
 }
 
 /// Returns the lag-one correlation of the residual. Pairs across two series are excluded.
-fn correlation(rows: &[Row], found: &Regression) -> f64 {
-    let (mut products, mut squares, mut before) = (0.0, 0.0, 0.0);
-    for row in rows {
-        let left = found.residual(row);
-        squares += left * left;
-        if !row.is_first {
-            products += left * before;
+fn correlation(table: &[[f64; 4]], starts: &[usize], left: &impl Fn(&[f64; 4]) -> f64) -> f64 {
+    let (mut products, mut squares) = (0.0, 0.0);
+    for (at, row) in table.iter().enumerate() {
+        squares += left(row).powi(2);
+        if at > 0 && !starts.contains(&at) {
+            products += left(row) * left(&table[at - 1]);
         }
-        before = left;
     }
     products / f64::max(squares, f64::MIN_POSITIVE)
 }

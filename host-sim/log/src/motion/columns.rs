@@ -157,13 +157,12 @@ impl MotionAnalysis {
         let step_s = sensors.step_s;
         let has_position = all.iter().all(|s| s.position.is_some());
         if has_position {
-            sensors.agreement = agreement(all);
-            let is = |of: fn(&Agreement) -> bool| sensors.agreement.as_ref().is_some_and(of);
-            let is_pure_delay = is(Agreement::is_pure_delay);
-            let is_worse = is(|of| of.lags() || of.is_filtered() || of.low_pass_rows.is_some());
+            let found = agreement(all);
+            sensors.agreement = Some(found);
             let unstepped = sensors.position_quantum == 0.0;
             sensors.position_integrated = unstepped && start_alike(stretches) && is_sum(stretches);
-            sensors.from_velocity_alone = sensors.position_integrated || is_pure_delay;
+            sensors.from_velocity_alone = sensors.position_integrated || found.is_pure_delay();
+            let is_worse = found.lags() || found.is_filtered() || found.low_pass_rows.is_some();
             sensors.from_position_alone = is_worse && !sensors.from_velocity_alone;
         }
         let noise_per_step = noise_alone(all);
