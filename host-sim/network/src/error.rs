@@ -44,6 +44,9 @@ pub enum NetworkError {
         /// The expected name.
         expected: &'static str,
     },
+    /// The period of the evaluations is no time.
+    #[error("evaluation_period_s: found {0}, expected more than 0")]
+    EvaluationPeriod(f64),
     /// The core refuses a value.
     #[error(transparent)]
     Refused(#[from] ParameterError),

@@ -183,6 +183,9 @@ impl NetworkFile {
         set_weights(&mut network, used, &written.weights);
         network.validate()?;
         let period_s = written.evaluation_period_s;
+        if period_s <= 0.0 {
+            return Err(NetworkError::EvaluationPeriod(period_s));
+        }
         let strokes = written.strokes.map(|range| StrokeRange {
             least: range.least,
             most: range.most,
@@ -262,12 +265,7 @@ impl NetworkFile {
 
 /// Returns the number of weights of a network with `used` inputs.
 fn count(used: usize) -> usize {
-    match used {
-        1 => Network::<f64, 1, CELLS>::WEIGHTS,
-        2 => Network::<f64, 2, CELLS>::WEIGHTS,
-        3 => Network::<f64, 3, CELLS>::WEIGHTS,
-        _ => Network::<f64, MAX_INPUTS, CELLS>::WEIGHTS,
-    }
+    in_use(used).take(WideNetwork::WEIGHTS).filter(|is_used| *is_used).count()
 }
 
 /// Returns for each weight of a wide network, in order, whether it belongs to a used input.
@@ -285,10 +283,11 @@ fn weights(network: &WideNetwork, used: usize) -> Vec<f64> {
     all.into_iter().zip(in_use(used)).filter_map(|(weight, used)| used.then_some(weight)).collect()
 }
 
-/// Sets the weights of the used inputs, and all others to 0.
+/// Sets the weights of the used inputs, of which there are [`count`], and all others to 0.
 fn set_weights(network: &mut WideNetwork, used: usize, weights: &[f64]) {
     let mut given = weights.iter().copied();
-    let spread = in_use(used).map(|used| if used { given.next().unwrap_or_default() } else { 0.0 });
+    let mut next = || given.next().expect("the length has been checked");
+    let spread = in_use(used).map(|is_used| if is_used { next() } else { 0.0 });
     network.set_weights(spread.take(WideNetwork::WEIGHTS));
 }
 
@@ -355,6 +354,11 @@ mod tests {
             ("\"held\"\n", "\"held\", \"kp\"\n", &["ranges", "3", "4"]),
             ("\"factor\": \"static\"", "\"factor\": \"viscous\"", &["\"viscous\"", "\"static\""]),
             ("\"slew\": 0.5", "\"slew\": 0.0", &["network_slew = 0"]),
+            (
+                "\"evaluation_period_s\": 0.0078125",
+                "\"evaluation_period_s\": -0.0078125",
+                &["evaluation_period_s", "-0.0078125", "more than 0"],
+            ),
             ("\"slew\"", "\"slow\"", &["`slow`"]),
             ("\"weights\": [", "\"weights\": [0.5,", &["weights", "412", "411"]),
             ("\"weights\"", "\"weights", &["line "]),

@@ -110,7 +110,8 @@ fn declare_inputs<'a>(names: impl Iterator<Item = &'a &'static str>) -> Vec<Mess
     declared
 }
 
-/// A graph under construction, with the value of each variable and of each field of the state.
+/// A graph under construction, with the value of each variable and of each field of the state. A program defines a variable
+/// before it reads it.
 #[derive(Default)]
 struct Graph {
     builder: Builder,
@@ -134,13 +135,11 @@ impl Graph {
                 }
             }
         }
-        let result = program.result.as_ref().map(|result| self.value(result));
-        result.unwrap_or_default()
+        self.value(program.result.as_ref().expect("a program returns a torque"))
     }
 
     fn change(&mut self, operator: &str, name: &str, by: &str) {
-        let before = self.variables.get(name).cloned().unwrap_or_default();
-        let after = self.builder.apply(operator, &[&before, by]);
+        let after = self.builder.apply(operator, &[&self.variables[name], by]);
         self.variables.insert(name.to_owned(), after);
     }
 
@@ -151,7 +150,7 @@ impl Graph {
             Node::Input(name) => (*name).to_owned(),
             Node::Period => "dt_s".to_owned(),
             Node::State(name) => self.state.get(name).cloned().unwrap_or((*name).to_owned()),
-            Node::Variable(name) => self.variables.get(name).cloned().unwrap_or_default(),
+            Node::Variable(name) => self.variables[name].clone(),
             Node::Unary(operator, a) => {
                 let a = self.value(a);
                 let operator = match operator {

@@ -19,7 +19,7 @@ pub mod statistics;
 mod table;
 mod task;
 
-pub use ageing::{Ageing, ageing, read_ageing};
+pub use ageing::{Ageing, read_ageing};
 pub use error::FleetError;
 pub use jobs::{FleetJob, find_jobs, jobs_of_files, mixed_forms};
 pub use joint::{FleetSummary, JointSummary, SharedCause, summarise};

@@ -14,6 +14,7 @@
 use clap::Parser;
 use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_grading::calibration_fit::{Case, fit, out_of_fold, probabilities_out_of_fold};
+use friction_grading::calibration_tables;
 use friction_grading::contest_figures::{self, FigureRow, LOG_GROUPS};
 use friction_grading::contest_verdicts::Grades;
 use friction_grading::evidence_table::{EvidenceRow, parse};
@@ -110,7 +111,8 @@ fn run(arguments: &Arguments) -> Result<(), GradingError> {
     }
     let path =
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/diagnose/contest_calibration.toml");
-    std::fs::write(path, calibration.emit()).map_err(GradingError::io(path))
+    let text = calibration_tables::of_contest(&calibration);
+    std::fs::write(path, text).map_err(GradingError::io(path))
 }
 
 fn evidence(paths: &[PathBuf]) -> Result<Vec<EvidenceRow>, GradingError> {

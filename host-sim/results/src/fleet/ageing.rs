@@ -14,7 +14,7 @@ use crate::level_trend::{LevelTrend, RobustSlope, robust_slope};
 use joint_log::number::significant;
 use joint_log::statistics::median_of_sorted;
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Least change of a level that is called ageing, as a share of the level at the first entry.
 pub const MIN_CHANGE: f64 = 0.05;
@@ -66,22 +66,30 @@ pub struct Ageing {
 /// # Errors
 /// One line that names the file, if it is not the trend of a joint, or if a joint has two.
 pub fn read_ageing(roots: &[&Path], out: &Path) -> Result<Vec<Ageing>, FleetError> {
-    let mut trends: Vec<(String, String, LevelTrend)> = Vec::new();
+    let mut trends: Vec<JointTrend> = Vec::new();
     let found = roots.iter().map(|root| find_trends(root, out)).collect::<Result<Vec<_>, _>>()?;
     for (joint, file) in found.concat() {
-        let name = file.display().to_string();
-        if let Some((_, first, _)) = trends.iter().find(|(known, ..)| *known == joint) {
-            return Err(FleetError::SecondTrend(name, joint, first.clone()));
+        if let Some(first) = trends.iter().find(|known| known.joint == joint) {
+            return Err(FleetError::SecondTrend { file, joint, first: first.file.clone() });
         }
-        trends.push((joint, name, LevelTrend::read(&file)?));
+        let trend = LevelTrend::read(&file)?;
+        trends.push(JointTrend { joint, file, trend });
     }
     Ok(ageing(&trends))
 }
 
-/// Returns the results of joints, files and their trends.
-pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
+/// Trend of a joint with the file that it was read from.
+struct JointTrend {
+    joint: String,
+    file: PathBuf,
+    trend: LevelTrend,
+}
+
+/// Returns the results of joints.
+fn ageing(trends: &[JointTrend]) -> Vec<Ageing> {
     let fits = |confidence: f64| -> Vec<Option<RobustSlope>> {
-        trends.iter().map(|(.., trend)| robust_slope(&trend.points(), confidence)).collect()
+        let points = trends.iter().map(|joint| joint.trend.points());
+        points.map(|points| robust_slope(&points, confidence)).collect()
     };
     let shown = fits(0.95);
     let tests = shown.iter().flatten().count().max(1) as f64;
@@ -95,10 +103,10 @@ pub fn ageing(trends: &[(String, String, LevelTrend)]) -> Vec<Ageing> {
     let mut all: Vec<Ageing> = trends
         .iter()
         .enumerate()
-        .map(|(at, (joint, file, trend))| {
+        .map(|(at, joint)| {
             let std_error = std_error(&shown[at]).unwrap_or_default();
             let is_ageing = stands_out(&slopes, at, std_error, FLEET_SIGNIFICANCE / tests);
-            result(joint, file, trend, shown[at].as_ref(), is_ageing)
+            result(joint, shown[at].as_ref(), is_ageing)
         })
         .collect();
     all.sort_by(|a, b| {
@@ -139,13 +147,8 @@ fn stands_out(
     (slope.slope - middle).abs() > OUTLIER_SCORE * scatter
 }
 
-fn result(
-    joint: &str,
-    file: &str,
-    trend: &LevelTrend,
-    fit: Option<&RobustSlope>,
-    stands_out: bool,
-) -> Ageing {
+fn result(joint: &JointTrend, fit: Option<&RobustSlope>, stands_out: bool) -> Ageing {
+    let JointTrend { joint, file, trend } = joint;
     let points: Vec<(f64, f64)> =
         trend.entries.iter().map(|entry| (entry.learnt_h, entry.level)).collect();
     let span_h = match (points.first(), points.last()) {
@@ -155,9 +158,9 @@ fn result(
     let change = fit.map(|fit| fit.last / fit.first - 1.0);
     let is_ageing = stands_out && change.is_some_and(|change| change.abs() >= MIN_CHANGE);
     Ageing {
-        joint: joint.to_owned(),
+        joint: joint.clone(),
         unit: trend.unit.clone(),
-        file: file.to_owned(),
+        file: file.display().to_string(),
         entries: points.len(),
         learnt_h: span_h,
         level: fit.map(|fit| fit.last),
@@ -184,11 +187,7 @@ mod tests {
     use crate::snapshot;
 
     /// Returns the trend of a joint over 140 h whose level rises by this share of its first level.
-    fn trend(
-        joint: &str,
-        rise: f64,
-        noise: &mut impl FnMut() -> f64,
-    ) -> (String, String, LevelTrend) {
+    fn trend(joint: &str, rise: f64, noise: &mut impl FnMut() -> f64) -> JointTrend {
         let level_nm = 4.0 + 0.5 * noise();
         let entry = |at: u32, noise: &mut dyn FnMut() -> f64| LevelEntry {
             learnt_h: 3.5 * f64::from(at),
@@ -199,7 +198,7 @@ mod tests {
         };
         let entries = (0..41).map(|at| entry(at, noise)).collect();
         let trend = LevelTrend { schema: SCHEMA, unit: "Nm".into(), entries };
-        (joint.into(), format!("{joint}.trend.json"), trend)
+        JointTrend { joint: joint.into(), file: format!("{joint}.trend.json").into(), trend }
     }
 
     fn fleet(rises: &[f64], seed: u64) -> Vec<Ageing> {
@@ -258,12 +257,12 @@ mod tests {
     #[test]
     fn ageing_with_few_entries_or_a_small_change_is_not_named() {
         let mut short = trend("knee", 0.8, &mut noise(3));
-        short.2.entries.truncate(5);
+        short.trend.entries.truncate(5);
         let found = ageing(&[short]);
         assert_eq!((found[0].change, found[0].ageing.clone(), found[0].entries), (None, None, 5));
         let mut small = trend("knee", 0.03, &mut noise(3));
-        let first = small.2.entries[0].level;
-        small.2.entries.iter_mut().for_each(|entry| {
+        let first = small.trend.entries[0].level;
+        small.trend.entries.iter_mut().for_each(|entry| {
             entry.level = first * (1.0 + 0.03 * entry.learnt_h / 140.0);
         });
         let found = ageing(&[small]);

@@ -12,9 +12,16 @@ pub enum FleetError {
     /// A folder contains no log.
     #[error("{}: found no log, expected files {}", .0.display(), LOG_ENDS.join(", "))]
     NoLog(PathBuf),
-    /// The file is the second trend of a joint: the file, the joint and the first file.
-    #[error("{0}: found a second trend of joint {1}, expected only {2}")]
-    SecondTrend(String, String, String),
+    /// A joint has two trends.
+    #[error("{}: found a second trend of joint {joint}, expected only {}", .file.display(), .first.display())]
+    SecondTrend {
+        /// File of the second trend.
+        file: PathBuf,
+        /// The joint.
+        joint: String,
+        /// File of the first trend.
+        first: PathBuf,
+    },
     /// The file of a trend cannot be understood.
     #[error(transparent)]
     Trend(#[from] TrendError),

@@ -84,7 +84,11 @@ pub type ReadEarlierRow<'a> = &'a (dyn Fn(&str) -> io::Result<Option<Vec<u8>>> +
 /// Diagnoses the log of one joint and campaign, or takes an earlier result of the same log. A log of several joints gives a row
 /// for each. A failure gives a row with its reason and leaves no folder.
 pub fn run_task(job: &FleetJob, options: &FleetOptions) -> Vec<FleetRow> {
-    let read = |folder: &str| Ok(std::fs::read(options.out.join(folder).join(ROW_FILE)).ok());
+    let read = |folder: &str| match std::fs::read(options.out.join(folder).join(ROW_FILE)) {
+        Ok(row) => Ok(Some(row)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    };
     run_task_beside(job, options, &read)
 }
 

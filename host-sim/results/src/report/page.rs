@@ -38,8 +38,8 @@ pub enum Block {
     Find(Finder),
     /// A chart over the whole width.
     Chart(Chart),
-    /// The main result: named facts with charts beside them. A fact without a name continues the one above it. On narrow screens, the first chart follows the first fact, and
-    /// the other charts follow the last one.
+    /// The main result: named facts with charts beside them. A fact without a name continues the one above it. On narrow
+    /// screens, the first chart follows the first fact, and the other charts follow the last one.
     Lead {
         /// Name and text of each fact. A part of a text between two backticks is shown as code.
         facts: Vec<(String, String)>,
@@ -114,6 +114,7 @@ impl Page {
 
     /// Renders the page as a self-contained HTML document.
     pub fn render(&self) -> String {
+        let holds = |is_meant| self.blocks.iter().any(|block| block.holds(is_meant));
         let mut drawing = Drawing::default();
         html! {
             (DOCTYPE)
@@ -125,7 +126,7 @@ impl Page {
                     link rel="icon" href="data:,";
                     title { (self.title) }
                     style { (PreEscaped(STYLE)) }
-                    @if self.blocks.iter().any(|block| matches!(block, Block::Tiles(_))) {
+                    @if holds(|block| matches!(block, Block::Tiles(_))) {
                         style { (PreEscaped(TILE_STYLE)) }
                     }
                 }
@@ -142,7 +143,7 @@ impl Page {
                         }
                     }
                     @if drawing.charts > 0 { script { (PreEscaped(CHART_SCRIPT)) } }
-                    @if self.blocks.iter().any(|block| matches!(block, Block::Find(_))) {
+                    @if holds(|block| matches!(block, Block::Find(_))) {
                         script { (PreEscaped(FINDER_SCRIPT)) }
                     }
                 }
@@ -258,6 +259,15 @@ fn lead(facts: &[(String, String)], charts: &[Chart], drawing: &mut Drawing) -> 
 }
 
 impl Block {
+    /// Returns true if this block or one inside of it is meant.
+    fn holds(&self, is_meant: fn(&Self) -> bool) -> bool {
+        let inside = match self {
+            Self::Details { blocks, .. } => blocks.as_slice(),
+            _ => &[],
+        };
+        is_meant(self) || inside.iter().any(|block| block.holds(is_meant))
+    }
+
     fn for_each_chart(&mut self, change: &mut dyn FnMut(&mut Chart)) {
         match self {
             Self::Chart(chart) => change(chart),
@@ -277,4 +287,19 @@ fn anchor(heading: &str) -> String {
         _ => '-',
     });
     letters.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn render_of_collapsed_blocks_has_their_style_and_script() {
+        let blocks = vec![Block::Tiles(vec![Tile::default()]), Block::Find(Finder::default())];
+        let mut page = Page::new("title", "");
+        assert!(!page.render().contains(TILE_STYLE) && !page.render().contains(FINDER_SCRIPT));
+        page.push(Block::details("more", blocks));
+        assert!(page.render().contains(TILE_STYLE));
+        assert!(page.render().contains(FINDER_SCRIPT));
+    }
 }
