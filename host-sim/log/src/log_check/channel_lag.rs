@@ -56,7 +56,7 @@ pub fn channel_lag(log: &Log) -> Vec<LogFinding> {
             log.torque(),
             figure(1e3 * seconds.abs())
         );
-        found.push(LogFinding::new(LogFindingKind::ChannelLag, &names, seconds, "s", words));
+        found.push(LogFindingKind::ChannelLag.finding(&names, seconds, "s", words));
     };
     let alone: Vec<(&Column, i64)> =
         others().filter_map(|column| Some((column, shift(log, &[column], longest)?))).collect();

@@ -13,11 +13,5 @@ pub fn computed_torque(log: &Log) -> Option<LogFinding> {
              saturation, or friction that the drive compensates itself, is part of every result.",
         header(log.data, name)
     );
-    Some(LogFinding::new(
-        LogFindingKind::ComputedTorque,
-        &[name],
-        log.data.rows as f64,
-        "rows",
-        words,
-    ))
+    Some(LogFindingKind::ComputedTorque.finding(&[name], log.data.rows as f64, "rows", words))
 }

@@ -44,8 +44,8 @@ pub fn drive_off(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>)
     let words = format!(
         "{name} is exactly 0 in {count} rows in which the joint moves (first in {place}): the drive was off. {done}{column}."
     );
-    let finding = LogFinding::new(LogFindingKind::DriveOff, &[name], count as f64, "rows", words)
-        .corrected(correct);
+    let finding =
+        LogFindingKind::DriveOff.finding(&[name], count as f64, "rows", words).corrected(correct);
     if correct {
         leave_out(&mut data, &off);
     }

@@ -40,14 +40,9 @@ pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) 
              took: it is pushed against an end stop. {done}.",
         figure(torque)
     );
-    let finding = LogFinding::new(
-        LogFindingKind::EndStop,
-        &[Quantity::Position.name(data.joint), name],
-        torque,
-        unit,
-        words,
-    )
-    .corrected(correct);
+    let finding = LogFindingKind::EndStop
+        .finding(&[Quantity::Position.name(data.joint), name], torque, unit, words)
+        .corrected(correct);
     if correct {
         leave_out(&mut data, &rows);
     }

@@ -68,19 +68,21 @@ pub struct LogFinding {
     pub in_words: String,
 }
 
-impl LogFinding {
-    /// Returns a finding that nothing is corrected for.
-    pub(super) fn new(
-        kind: LogFindingKind,
+impl LogFindingKind {
+    /// Returns a finding of this kind that nothing is corrected for. The value has a unit.
+    pub(super) fn finding(
+        self,
         columns: &[&str],
         value: f64,
         unit: &str,
         in_words: String,
-    ) -> Self {
+    ) -> LogFinding {
         let columns = columns.iter().map(|name| (*name).to_owned()).collect();
-        Self { kind, columns, value, unit: unit.to_owned(), corrected: false, in_words }
+        LogFinding { kind: self, columns, value, unit: unit.to_owned(), corrected: false, in_words }
     }
+}
 
+impl LogFinding {
     /// Returns the finding of a log that may be corrected for it.
     pub(super) fn corrected(self, corrected: bool) -> Self {
         Self { corrected, ..self }

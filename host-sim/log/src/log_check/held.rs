@@ -200,7 +200,8 @@ fn finding_of_repeated(log: &Log, found: &Repeated) -> LogFinding {
         "{name} is held now and then: {} % of the rows in motion repeat the value before. {done}",
         figure(100.0 * found.share)
     );
-    LogFinding::new(LogFindingKind::HeldChannel, &[name], found.share, "of the rows", words)
+    LogFindingKind::HeldChannel
+        .finding(&[name], found.share, "of the rows", words)
         .corrected(corrected)
 }
 
@@ -253,14 +254,9 @@ pub fn held(log: &Log, fresh: Option<&FreshRows>) -> Vec<LogFinding> {
             figure(held.rows),
             figure(held.rows * log.sensors.step_s)
         );
-        LogFinding::new(
-            LogFindingKind::HeldChannel,
-            &[&column.name],
-            held.rows * log.sensors.step_s,
-            "s",
-            words,
-        )
-        .corrected(corrected)
+        LogFindingKind::HeldChannel
+            .finding(&[&column.name], held.rows * log.sensors.step_s, "s", words)
+            .corrected(corrected)
     });
     findings.chain(now_and_then).collect()
 }

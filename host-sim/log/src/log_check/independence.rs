@@ -19,8 +19,7 @@ const MIN_CHANGE: f64 = 0.1;
 pub fn too_little(log: &Log) -> Vec<LogFinding> {
     let rows = log.data.rows;
     let finding = |value: usize, unit: &str, in_words: String| {
-        LogFinding::new(
-            LogFindingKind::TooLittle,
+        LogFindingKind::TooLittle.finding(
             &[log.velocity(), log.torque()],
             value as f64,
             unit,

@@ -122,7 +122,7 @@ impl Isolated {
             figure(distance),
             place(run, row)
         );
-        LogFinding::new(LogFindingKind::Outlier, &[name], value, unit, words).corrected(correct)
+        LogFindingKind::Outlier.finding(&[name], value, unit, words).corrected(correct)
     }
 
     /// Leaves the rows out. A velocity that was derived from the position is derived again.

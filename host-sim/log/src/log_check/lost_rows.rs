@@ -42,9 +42,9 @@ pub fn lost_rows(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>)
         "At {places} rows {name} travels two or more times as far as in the rows beside them: {count} rows are lost, and the \
              clock does not show it. {done}"
     );
-    let finding =
-        LogFinding::new(LogFindingKind::TimeJump, &["time_s", name], count as f64, "rows", words)
-            .corrected(correct);
+    let finding = LogFindingKind::TimeJump
+        .finding(&["time_s", name], count as f64, "rows", words)
+        .corrected(correct);
     if correct {
         let is_derived = is_velocity_derived(&data);
         for (run, lost) in data.runs.iter_mut().zip(&lost) {

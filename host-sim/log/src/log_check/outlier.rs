@@ -41,14 +41,9 @@ pub fn outliers(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
             figure(farthest)
         );
         found.push(
-            LogFinding::new(
-                LogFindingKind::Outlier,
-                &[&column.name],
-                farthest,
-                &column.unit,
-                words,
-            )
-            .corrected(correct),
+            LogFindingKind::Outlier
+                .finding(&[&column.name], farthest, &column.unit, words)
+                .corrected(correct),
         );
         rows.extend(places);
     }

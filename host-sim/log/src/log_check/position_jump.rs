@@ -67,8 +67,8 @@ pub fn position_jumps(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFind
         figure(largest),
         places.join(", ")
     );
-    let finding = LogFinding::new(LogFindingKind::PositionJump, &[name], largest, unit, words)
-        .corrected(correct);
+    let finding =
+        LogFindingKind::PositionJump.finding(&[name], largest, unit, words).corrected(correct);
     if correct {
         cut(&mut data, &jumps);
     }

@@ -20,11 +20,5 @@ pub fn position_zero(log: &Log) -> Vec<LogFinding> {
         figure(starts[0]),
         starts.len()
     );
-    vec![LogFinding::new(
-        LogFindingKind::UnitSuspect,
-        &[&column.name],
-        starts[0],
-        &column.unit,
-        words,
-    )]
+    vec![LogFindingKind::UnitSuspect.finding(&[&column.name], starts[0], &column.unit, words)]
 }

@@ -42,7 +42,8 @@ pub fn quantised(log: &Log) -> Vec<LogFinding> {
         let words =
             format!("{} comes in steps of {} {}: {done}.", column.name, figure(step), column.unit);
         found.push(
-            LogFinding::new(LogFindingKind::Quantised, &[&column.name], step, &column.unit, words)
+            LogFindingKind::Quantised
+                .finding(&[&column.name], step, &column.unit, words)
                 .corrected(corrected),
         );
     }

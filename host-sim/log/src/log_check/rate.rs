@@ -94,7 +94,7 @@ pub fn implausible(log: &Log) -> Vec<LogFinding> {
         "By its stamps the log has {} rows a second: the time {hint}. Nothing is changed.",
         figure(rate)
     );
-    vec![LogFinding::new(LogFindingKind::UnitSuspect, &["time_s"], rate, "Hz", words)]
+    vec![LogFindingKind::UnitSuspect.finding(&["time_s"], rate, "Hz", words)]
 }
 
 #[cfg(test)]

@@ -34,8 +34,8 @@ pub fn run_offset(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>
         figure(least),
         figure(most)
     );
-    let finding = LogFinding::new(LogFindingKind::OffsetPerRun, &[name], most - least, unit, words)
-        .corrected(correct);
+    let finding =
+        LogFindingKind::OffsetPerRun.finding(&[name], most - least, unit, words).corrected(correct);
     if correct {
         for (run, offset) in data.runs.iter_mut().zip(&offsets) {
             run.torque.iter_mut().for_each(|torque| *torque -= offset);

@@ -85,7 +85,7 @@ fn finding(column: &Column, end: f64, rows: usize) -> LogFinding {
         figure(end),
         column.unit
     );
-    LogFinding::new(LogFindingKind::Saturated, &[&column.name], end, &column.unit, words)
+    LogFindingKind::Saturated.finding(&[&column.name], end, &column.unit, words)
 }
 
 /// Returns true if a column, away from its ends, rarely repeats a value or continues a line: noise and curves show where it

@@ -62,14 +62,9 @@ pub fn sign(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
              but friction opposes it. Nothing is changed; --columns {pair} turns it."
         )
     };
-    let finding = LogFinding::new(
-        LogFindingKind::SignSuspect,
-        &[torque, velocity],
-        power / size,
-        "of the power",
-        in_words,
-    )
-    .corrected(corrected);
+    let finding = LogFindingKind::SignSuspect
+        .finding(&[torque, velocity], power / size, "of the power", in_words)
+        .corrected(corrected);
     let mut data = data;
     if corrected {
         data.runs.iter_mut().flat_map(|run| &mut run.torque).for_each(|torque| *torque = -*torque);

@@ -115,8 +115,7 @@ impl Spikes {
             figure(self.least),
             if correct { done } else { "left in, as asked" }
         );
-        LogFinding::new(LogFindingKind::Outlier, &[name], share, "of the rows", words)
-            .corrected(correct)
+        LogFindingKind::Outlier.finding(&[name], share, "of the rows", words).corrected(correct)
     }
 
     /// Returns the spikes of a column, if they are at least `least_share` of the rows.

@@ -13,7 +13,7 @@ const MIN_REPEATED_SHARE: f64 = 1e-3;
 pub fn jumps(log: &Log) -> Vec<LogFinding> {
     let mut found = Vec::new();
     let finding = |value: f64, unit: &str, in_words: String| {
-        LogFinding::new(LogFindingKind::TimeJump, &["time_s"], value, unit, in_words)
+        LogFindingKind::TimeJump.finding(&["time_s"], value, unit, in_words)
     };
     let (mut repeated, mut steps) = (0usize, 0usize);
     let (mut gaps, mut longest) = (0usize, 0.0f64);

@@ -60,7 +60,7 @@ pub fn torque_lag(log: &Log) -> Vec<LogFinding> {
         figure(1e3 * lag),
         figure(1e3 * error)
     );
-    vec![LogFinding::new(LogFindingKind::TorqueLag, &[log.torque()], lag, "s", words)]
+    vec![LogFindingKind::TorqueLag.finding(&[log.torque()], lag, "s", words)]
 }
 
 /// Returns for each reversal (`sqrt(2/a)`, time from the turn to the middle of the torque's change).

@@ -66,7 +66,7 @@ pub fn units(log: &Log) -> Vec<LogFinding> {
 }
 
 fn finding(columns: &[&str], value: f64, unit: &str, in_words: String) -> LogFinding {
-    LogFinding::new(LogFindingKind::UnitSuspect, columns, value, unit, in_words)
+    LogFindingKind::UnitSuspect.finding(columns, value, unit, in_words)
 }
 
 /// Compares the velocity with the derivative of the position.

@@ -64,7 +64,8 @@ pub fn noise(log: &Log) -> Vec<LogFinding> {
         return Vec::new();
     };
     vec![
-        LogFinding::new(LogFindingKind::VelocityNoise, &[log.velocity()], value, unit, words)
+        LogFindingKind::VelocityNoise
+            .finding(&[log.velocity()], value, unit, words)
             .corrected(corrected),
     ]
 }
@@ -112,13 +113,8 @@ pub fn lag(log: &Log) -> Vec<LogFinding> {
     };
     let words = format!("{how}: {done}.");
     vec![
-        LogFinding::new(
-            LogFindingKind::VelocityLag,
-            &[log.velocity(), log.position()],
-            lag_s,
-            "s",
-            words,
-        )
-        .corrected(corrected),
+        LogFindingKind::VelocityLag
+            .finding(&[log.velocity(), log.position()], lag_s, "s", words)
+            .corrected(corrected),
     ]
 }

@@ -99,9 +99,9 @@ pub fn unwrapped(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let times = if wrap.count == 1 { "once".into() } else { format!("{} times", wrap.count) };
     let words =
         format!("The position wraps {times} at {} {unit}: {done}.{hint}", figure(wrap.period));
-    let finding =
-        LogFinding::new(LogFindingKind::WrappedAngle, &[position], wrap.period, unit, words)
-            .corrected(correct);
+    let finding = LogFindingKind::WrappedAngle
+        .finding(&[position], wrap.period, unit, words)
+        .corrected(correct);
     let mut data = data;
     if correct {
         data.runs.iter_mut().for_each(|run| unwrap_run(run, wrap, derived));
