@@ -54,12 +54,10 @@ impl<T: Real> DelayLine<T> {
 }
 
 impl<T: Real> ChannelDelay<T> {
-    /// Splits a delay in samples into its integer and fractional part. A longer delay than the line holds, which only a
-    /// rescaled period gives, becomes the longest.
+    /// Splits a delay in samples into its parts. One beyond the line, by a rescaled period, becomes the longest.
     fn from_samples(samples: T) -> Self {
-        let whole = (samples.single() as usize).min(DELAY_LINE_SAMPLES - 2);
-        let fraction = samples - T::from_count(whole as u8);
-        Self { whole: whole as u8, fraction: fraction.at_most(T::one()) }
+        let whole = (samples.single() as usize).min(DELAY_LINE_SAMPLES - 2) as u8;
+        Self { whole, fraction: (samples - T::from_count(whole)).at_most(T::one()) }
     }
 }
 

@@ -115,8 +115,8 @@ impl Cleaner<'_> {
         }
         self.check_bad_share()?;
         self.add_column_notes(&uses, &filled, &clean);
-        self.add_row_notes(channels, other_rows, [repeated, spread], all.len() - runs.len());
-        self.add_order_notes(late, duplicates);
+        self.add_row_notes(channels, other_rows, all.len() - runs.len());
+        self.add_order_notes(late, duplicates, repeated, spread);
         let Self { mut layout, clock, rows, bad, .. } = self;
         let Layout { optional, sources, .. } = &mut layout;
         for ((column, filled), column_use) in optional.iter().zip(&filled).zip(&uses) {
@@ -191,8 +191,9 @@ impl Cleaner<'_> {
         let uses: Vec<ColumnUse> = self.tallies.iter().map(|tally| tally.column_use()).collect();
         let columns = self.layout.optional.iter().zip(&self.tallies).zip(&uses);
         for ((column, tally), column_use) in columns {
-            if column.is_mapped && *column_use == ColumnUse::Text {
-                return Err(DataError::Cell(tally.first_bad[0].clone()));
+            let text = tally.first_text.as_ref().filter(|_| column.is_mapped);
+            if let (ColumnUse::Text, Some(text)) = (column_use, text) {
+                return Err(DataError::Cell(text.clone()));
             }
         }
         Ok(uses)

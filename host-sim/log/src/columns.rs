@@ -20,6 +20,8 @@ pub(super) struct ColumnTally {
     empties: usize,
     /// The first cells that are not numbers.
     pub first_bad: Vec<BadCell>,
+    /// The first of them with a text that is no word for a missing value.
+    pub first_text: Option<BadCell>,
 }
 
 /// How an optional column is used.
@@ -36,19 +38,18 @@ pub(super) enum ColumnUse {
 impl ColumnTally {
     /// Counts any other cell.
     pub fn add_other(&mut self, file: &Path, row: u64, column: &str, cell: &[u8], expected: &str) {
+        let bad = || {
+            let (column, expected) = (column.into(), expected.into());
+            BadCell { file: file.into(), row, column, found: quoted(cell), expected }
+        };
         if is_missing_value(cell) {
             self.empties += 1;
         } else {
             self.texts += 1;
+            self.first_text.get_or_insert_with(bad);
         }
         if self.first_bad.len() < NAMED_BAD_ROWS {
-            self.first_bad.push(BadCell {
-                file: file.into(),
-                row,
-                column: column.into(),
-                found: quoted(cell),
-                expected: expected.into(),
-            });
+            self.first_bad.push(bad());
         }
     }
 
@@ -129,6 +130,16 @@ mod tests {
             }
         }
         tally.column_use()
+    }
+
+    #[test]
+    fn first_text_is_found_after_many_missing_values() {
+        let mut tally = ColumnTally::default();
+        for (row, cell) in ["", "nan", "", "-", "", "", "on", "off"].into_iter().enumerate() {
+            tally.add_other(Path::new("f"), row as u64, "c", cell.as_bytes(), FINITE);
+        }
+        let text = tally.first_text.expect("a text");
+        assert_eq!((text.row, &*text.found, tally.first_bad.len()), (6, "\"on\"", NAMED_BAD_ROWS));
     }
 
     #[test]

@@ -4,7 +4,6 @@ use super::column_names::ColumnNames;
 use super::column_pair::ColumnPair;
 use super::contract::{RUN, TIME};
 use super::error::{DataError, listed};
-use super::guess::{self, Fit};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
 use super::naming::UNKNOWN_UNIT;
@@ -15,7 +14,7 @@ use super::preset::Preset;
 use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey, SurveyedColumn, surveyed_columns};
-use super::{torque_constant, unit};
+use super::{guess, torque_constant, unit};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
 use std::path::Path;
@@ -34,17 +33,6 @@ const REQUIRED: [&str; 3] = ["time_s", "velocity_rad_s", "torque_nm"];
 /// # Errors
 /// If the file cannot be read as a table.
 pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
-    describe(file, options).map(|description| description.survey)
-}
-
-/// A survey, and what the error of a missing column needs of it.
-struct Description {
-    survey: Survey,
-    /// True if the suggestions have units by the sizes of the values.
-    has_units_by_size: bool,
-}
-
-fn describe(file: &Path, options: &ReadOptions) -> Result<Description, DataError> {
     let size = file_size(file)?;
     let request = Request {
         path: file,
@@ -91,7 +79,7 @@ fn describe(file: &Path, options: &ReadOptions) -> Result<Description, DataError
     suggest_joints(&mut columns);
     suggest_preset(file, options, preset, &mut columns);
     let has_units_by_size = found.iter().flatten().any(|guess| guess.is_by_size);
-    Ok(Description { survey: Survey { columns, preset, notes }, has_units_by_size })
+    Ok(Survey { columns, preset, notes, has_units_by_size })
 }
 
 /// Returns the quantity that a column may hold by its name and unit. Adds a doubt if they contradict each other.
@@ -236,7 +224,7 @@ fn one_of_each(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<S
         let rank = |at: usize, of: &Guess| {
             let has_unit =
                 of.is_known || of.unit.as_deref().is_some_and(|unit| unit != UNKNOWN_UNIT);
-            (of.quantity == names[at], guess::fit(of.quantity, names[at]), has_unit)
+            (of.quantity == names[at], guess::score(of.quantity, names[at]), has_unit)
         };
         let rank_here = rank(at, guess);
         let is_same = |of: &Guess| {
@@ -426,10 +414,10 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
 
 /// Returns the pairs whose units are by the sizes of the values, as the end of what an error expects; else an empty text.
 fn pairs_by_size(file: &Path, options: &ReadOptions) -> String {
-    let Ok(Description { survey, has_units_by_size: true }) = describe(file, options) else {
+    let Ok(Survey { columns, has_units_by_size: true, .. }) = survey(file, options) else {
         return String::new();
     };
-    let sets = pair_sets(&survey.columns);
+    let sets = pair_sets(&columns);
     // A name that cannot be typed does not help.
     if sets.iter().any(|pairs| pairs.contains(char::is_control)) {
         return String::new();
@@ -456,12 +444,11 @@ fn pair_sets(columns: &[ColumnSummary]) -> Vec<String> {
 
 /// Returns the names of the numeric columns that probably hold a quantity, the most probable first.
 fn likely<'a>(contract_name: &str, columns: &'a [ColumnSummary]) -> Vec<&'a str> {
-    let columns = columns.iter().filter(|column| column.is_numeric());
-    let fit =
-        |column: &'a ColumnSummary| Some((guess::fit(contract_name, &column.name)?, &*column.name));
-    let mut fitting: Vec<(Fit, &str)> = columns.filter_map(fit).collect();
-    fitting.sort_by_key(|(fit, _)| std::cmp::Reverse(*fit));
-    fitting.into_iter().take(LIKELY_COLUMNS).map(|(_, name)| name).collect()
+    let scored = columns.iter().filter(|column| column.is_numeric());
+    let scored = scored.map(|column| (guess::score(contract_name, &column.name), &*column.name));
+    let mut scored: Vec<(u32, &str)> = scored.filter(|(score, _)| *score > 0).collect();
+    scored.sort_by_key(|(score, _)| std::cmp::Reverse(*score));
+    scored.into_iter().take(LIKELY_COLUMNS).map(|(_, name)| name).collect()
 }
 
 #[cfg(test)]

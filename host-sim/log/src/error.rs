@@ -98,7 +98,7 @@ pub enum DataError {
         /// The suggested pairs for them, a part of what was expected.
         pairs: Box<str>,
         /// The contract names of the missing columns.
-        missing: Vec<String>,
+        missing: Vec<&'static str>,
         /// Number of columns of the file.
         count: usize,
     },
@@ -189,7 +189,8 @@ impl Message for DataError {
                 file.display(),
                 joints.len(),
                 listed(joints),
-                Setting::Where.given(format!("{column}={}", first(joints)))
+                Setting::Where
+                    .given(format!("{column}={}", listed(&joints[..joints.len().min(1)])))
             ),
             Self::LeftOut { file, format, feature } => format!(
                 "{}: {format}: not in this build, which lacks the {}",
@@ -273,11 +274,6 @@ fn bad_rows_option(bad: usize, rows: usize) -> String {
 /// Returns a reference to a selection of rows, for a message.
 pub(super) fn asked_rows(column: &str, values: &[String]) -> String {
     Setting::Where.given(format!("{column}={}", values.join(",")))
-}
-
-/// Formats the first of some names.
-fn first(names: &[String]) -> String {
-    names.first().map(|name| listed(std::slice::from_ref(name))).unwrap_or_default()
 }
 
 /// Creates an error in the header row.

@@ -12,45 +12,29 @@ use super::other_unit::{OtherUnit, other_unit};
 use super::unit;
 use compensator_core::quantity::{JointKind, Quantity};
 
-/// The names of a quantity in logs of drives, ROS and MATLAB.
-struct Words {
-    /// How its contract names begin.
-    start: &'static str,
-    /// Its contract name for a rotary joint.
-    contract: &'static str,
-    /// Parted by blanks.
-    words: &'static str,
-}
-
-const fn named(start: &'static str, contract: &'static str, words: &'static str) -> Words {
-    Words { start, contract, words }
-}
-
-const WORDS: [Words; 7] = [
-    named(
+/// Quantities: how the contract names begin, the one of a rotary joint, and words that name the quantity in logs of drives, ROS
+/// and MATLAB.
+const WORDS: [(&str, &str, &str); 7] = [
+    (
         "time",
         "time_s",
         "time timestamp stamp t clock secs %time zeit uhrzeit temps heure ts millis micros",
     ),
-    named(
+    (
         "velocity",
         "velocity_rad_s",
         "velocity velo vel speed omega dq qd qdot dtheta w v rpm drehzahl geschwindigkeit istgeschwindigkeit vitesse gyro \
          gyroscope",
     ),
-    named(
-        "torque",
-        "torque_nm",
-        "torque tau effort moment force trq drehmoment kraft istmoment couple",
-    ),
-    named("position_rad", "position_rad", "position pos angle theta q"),
-    named("temperature_c", "temperature_c", "temperature temp"),
-    named("pressure_diff_pa", "pressure_diff_pa", "pressure druck"),
-    named("acceleration_rad_s2", "acceleration_rad_s2", "acceleration accel ddq"),
+    ("torque", "torque_nm", "torque tau effort moment force trq drehmoment kraft istmoment couple"),
+    ("position_rad", "position_rad", "position pos angle theta q"),
+    ("temperature_c", "temperature_c", "temperature temp"),
+    ("pressure_diff_pa", "pressure_diff_pa", "pressure druck"),
+    ("acceleration_rad_s2", "acceleration_rad_s2", "acceleration accel ddq"),
 ];
 
-/// How many of the first [`WORDS`] an error asks for.
-const REQUIRED: usize = 4;
+/// The rows of [`WORDS`] with columns that an error asks for.
+const REQUIRED: std::ops::Range<usize> = 0..4;
 
 /// Words of a value that is not measured.
 const NOT_MEASURED: &str = "des desired cmd command ref reference target goal setpoint limit max min err error std cov filt \
@@ -59,56 +43,31 @@ const NOT_MEASURED: &str = "des desired cmd command ref reference target goal se
 /// Minimum length of a word that is recognised inside another word (`ActVelo` has none, `motorspeed` has one).
 const MIN_INNER_CHARS: usize = 4;
 
-/// How well a name fits a quantity, the worst first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Fit {
-    /// It is that of a value that is not measured, such as a target.
-    NotMeasured,
-    /// A word of the quantity is a part of one of its words.
-    InsideWord,
-    /// It is that of a current, which makes a torque.
-    Current,
-    /// One of its words is a word of the quantity.
-    Word,
-    /// Its last word is.
-    LastWord,
-}
-
-/// Returns how well a name fits a quantity, if at all.
-pub(super) fn fit(contract_name: &str, name: &str) -> Option<Fit> {
-    if is_voltage(name) {
-        return None;
-    }
-    let about = about(contract_name);
-    let Words { words, .. } = WORDS.iter().find(|of| about.starts_with(of.start))?;
+/// Returns how well a name fits a quantity: 0 does not fit.
+pub(super) fn score(contract_name: &str, name: &str) -> u32 {
+    let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
+    let row = WORDS.iter().find(|(begin, ..)| about.starts_with(begin));
+    let Some((.., words)) = row.filter(|_| !is_voltage(name)) else { return 0 };
     // A unit is no word of the name: `Torque (V)`.
     let parts = parts(unit::without_brackets(name));
     let is_measured = !parts.iter().any(|part| is_among(NOT_MEASURED, part));
     if is_current(name) {
-        return (about.starts_with("torque") && is_measured).then_some(Fit::Current);
+        return if about.starts_with("torque") && is_measured { 3 } else { 0 };
     }
-    let is_word = |part: &String| is_among(words, part);
-    let is_inside = |word: &str| {
+    let fits = |part: &String| is_among(words, part);
+    let inner = |word: &str| {
         let is_long = word.len() >= MIN_INNER_CHARS;
         // The beginning of a long word, too: `Velo`, `Temp`.
         let begins = |part: &String| part.len() >= MIN_INNER_CHARS && word.starts_with(&**part);
         is_long && parts.iter().any(|part| part.contains(word) || begins(part))
     };
-    let fit = if parts.last().is_some_and(is_word) {
-        Fit::LastWord
-    } else if parts.iter().any(is_word) {
-        Fit::Word
-    } else if words.split(' ').any(is_inside) {
-        Fit::InsideWord
-    } else {
-        return None;
+    let fit = match (parts.last().is_some_and(fits), parts.iter().any(fits)) {
+        (true, _) => 6,
+        (false, true) => 4,
+        _ if words.split(' ').any(inner) => 2,
+        _ => return 0,
     };
-    Some(if is_measured { fit } else { Fit::NotMeasured })
-}
-
-/// Returns the beginning of the contract names by which a quantity has words: a force has those of a torque.
-fn about(contract_name: &str) -> &str {
-    if contract_name.starts_with("force") { "torque" } else { contract_name }
+    if is_measured { fit } else { 1 }
 }
 
 /// Returns true if a name is that of a commanded position: `q_des`, `target_position`.
@@ -129,14 +88,15 @@ pub(super) fn quantity(name: &str) -> Option<&'static str> {
     if let Some(known) = contract::names().find(|known| *known == name) {
         return Some(known);
     }
-    let fits = WORDS.iter().filter_map(|of| Some((fit(of.contract, name)?, of.contract)));
-    // Of equal fits, the first: `max_by_key` would return the last.
-    fits.rev().max_by_key(|(fit, _)| *fit).map(|(_, of)| of)
+    let scored =
+        WORDS.iter().map(|(_, of, _)| (score(of, name), *of)).filter(|(score, _)| *score > 0);
+    // Of equal scores, the first: `max_by_key` would return the last.
+    scored.rev().max_by_key(|(score, _)| *score).map(|(_, of)| of)
 }
 
 /// Returns true if a word names a measured quantity. One letter is too short: `v2` is a version.
 pub(super) fn is_channel(word: &str) -> bool {
-    let is_measured = |of: &str| WORDS[1..].iter().any(|known| known.contract == of);
+    let is_measured = |of: &str| WORDS[1..].iter().any(|(_, known, _)| *known == of);
     word.len() > 1 && quantity(word).is_some_and(is_measured)
 }
 
@@ -213,8 +173,8 @@ const MAX_NAME_BYTES: usize = 60;
 
 /// Returns the pair of the column that probably holds a contract name, if exactly one does.
 pub(super) fn column(contract_name: &'static str, columns: &[&str]) -> Option<ColumnPair> {
-    let about = about(contract_name);
-    let Words { words, .. } = WORDS[..REQUIRED].iter().find(|of| about.starts_with(of.start))?;
+    let about = if contract_name.starts_with("force") { "torque" } else { contract_name };
+    let (.., words) = WORDS[REQUIRED].iter().find(|(begin, ..)| about.starts_with(begin))?;
     let is_alike = |name: &str| {
         let parts = parts(name);
         let is_other = is_current(name) || is_voltage(name);
@@ -228,7 +188,7 @@ pub(super) fn column(contract_name: &'static str, columns: &[&str]) -> Option<Co
     let likely = if all.len() > 1 && about.starts_with("time") { with_unit } else { all };
     let is_torque_symbol = |name: &&&str| about.starts_with("torque") && **name == TORQUE_SYMBOL;
     let symbol = columns.iter().find(is_torque_symbol).or_else(|| {
-        let is_likely = |name: &&&str| fit(contract_name, name) == Some(Fit::Current);
+        let is_likely = |name: &&&str| score(contract_name, name) > 1 && is_current(name);
         let mut currents = columns.iter().filter(is_likely);
         currents.next().filter(|_| about.starts_with("torque") && currents.next().is_none())
     });

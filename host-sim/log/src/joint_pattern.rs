@@ -5,12 +5,14 @@
 //! under plain names, as their motion may move this joint. Their other columns are left out.
 
 use super::column_pair::ColumnPair;
-use super::guess::{self, Fit};
-use super::unit;
+use super::{guess, unit};
 use compensator_core::quantity::Quantity;
 
 /// Stands for the joint in the name of a column.
 pub(super) const PLACE: char = '#';
+
+/// Least score of a guess that is suggested: a word of the name is a word of the quantity.
+const MIN_SCORE: u32 = 4;
 
 /// A pair of `--columns` with the names that its column has for the joints.
 struct Pattern<'a> {
@@ -168,9 +170,9 @@ pub(super) fn suggested_map(names: &[&str]) -> Option<SuggestedMap> {
             let found = joints_of(pattern);
             joints.map_or(found.len() > 1, |joints| joints.iter().all(|one| found.contains(one)))
         };
-        let scored = patterns.iter().filter(|pattern| guess::fit(of, pattern) >= Some(Fit::Word));
+        let scored = patterns.iter().filter(|pattern| guess::score(of, pattern) >= MIN_SCORE);
         let scored = scored.filter(|pattern| guess::quantity(pattern) == Some(of)).filter(fits);
-        scored.max_by_key(|pattern| guess::fit(of, pattern)).cloned()
+        scored.max_by_key(|pattern| guess::score(of, pattern)).cloned()
     };
     let torque = best("torque_nm", None)?;
     let mut joints = joints_of(&torque);

@@ -32,9 +32,9 @@ impl<'a> LogTable<'a> {
     pub fn of_columns(
         request: &Request,
         plan: Plan,
-        columns: impl IntoIterator<Item = impl Into<Cow<'a, Cells>>>,
+        columns: impl IntoIterator<Item = Cow<'a, Cells>>,
     ) -> Self {
-        let columns: Vec<Cow<Cells>> = columns.into_iter().map(Into::into).collect();
+        let columns: Vec<Cow<Cells>> = columns.into_iter().collect();
         let rows = columns.iter().map(|cells| cells.len()).max().unwrap_or_default();
         Self::new(request.path.into(), plan, columns, (2..).take(rows).collect())
     }
@@ -51,10 +51,9 @@ impl<'a> LogTable<'a> {
     /// As for the header of a file, and if the columns differ in length.
     pub fn of_table(
         request: &Request,
-        columns: impl IntoIterator<Item = (String, impl Into<Cow<'a, Cells>>)>,
+        columns: impl IntoIterator<Item = (String, Cow<'a, Cells>)>,
     ) -> Result<Self, DataError> {
-        let columns = columns.into_iter().map(|(name, cells)| (name, cells.into()));
-        let columns: Vec<(String, Cow<Cells>)> = columns.collect();
+        let columns: Vec<(String, Cow<Cells>)> = columns.into_iter().collect();
         let rows = columns.first().map_or(0, |(_, cells)| cells.len());
         if let Some((name, cells)) = columns.iter().find(|(_, cells)| cells.len() != rows) {
             return Err(DataError::file(
@@ -85,7 +84,7 @@ impl<'a> LogTable<'a> {
         let (table, lines) = self.into_table();
         let request = Request { is_wide: true, ..request };
         let Some(wide) = long.widen(&table) else {
-            let table = Self::of_table(&request, table.columns)?;
+            let table = Self::of_table(&request, table.into_columns())?;
             return Ok(Self { lines, bad_lines, notes, ..table });
         };
         let [name, value] = wide.columns.map(|at| table.columns[at].0.as_str());
@@ -94,7 +93,7 @@ impl<'a> LogTable<'a> {
         );
         let options = &long.with_time(&table, &wide);
         let lines = wide.first.iter().map(|row| lines[*row]).collect();
-        let wide = Self::of_table(&Request { options, ..request }, wide.table.columns);
+        let wide = Self::of_table(&Request { options, ..request }, wide.table.into_columns());
         let wide = wide.map_err(|error| error.with_hint(&note))?;
         notes.insert(0, format!("{}: {note}", table.name));
         Ok(Self { lines, bad_lines, notes, hint: Some(note), ..wide })

@@ -21,7 +21,6 @@ use super::torque_scale;
 use super::unit::{self, Conversion, conversion};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
-pub(super) use missing::MissingColumn;
 use std::path::Path;
 
 /// The names of a file's columns: those in the file and those given with `--columns`.
@@ -77,10 +76,8 @@ impl<'a> Naming<'a> {
             return;
         }
         let kinds = [JointKind::Revolute, JointKind::Prismatic];
-        let Some(kind) = kinds.into_iter().find(|kind| is_there(contract::joint_position(*kind)))
-        else {
-            return;
-        };
+        let kind = kinds.into_iter().find(|kind| is_there(contract::joint_position(*kind)));
+        let Some(kind) = kind else { return };
         let (joint, position) = (contract::joint_position(kind), Quantity::Position.name(kind));
         if let Some(mapped) = self.mapped.iter_mut().find(|mapped| mapped.name == joint) {
             mapped.name = position;
@@ -121,8 +118,7 @@ impl<'a> Naming<'a> {
             return Err(refuse(format!("no column {column}"), expected));
         };
         let position = POSITIONS[kind].0;
-        let is_position = self.find(position).is_some_and(|found| found.index == reading.index);
-        if is_position {
+        if self.find(position).is_some_and(|found| found.index == reading.index) {
             let expected = "the commanded position, not the measured one";
             return Err(refuse(format!("the column of {position}"), expected.into()));
         }
@@ -141,12 +137,12 @@ impl<'a> Naming<'a> {
         let Some(constant) = options.torque_constant else { return Ok(()) };
         let unit = constant.joint.torque_unit();
         let name = Quantity::Torque.name(constant.joint);
-        let is_current = |mapped: &&Mapped| mapped.name == name && mapped.is_current;
-        if self.mapped.iter().any(|mapped| is_current(&mapped)) {
+        let mapped = self.mapped.iter().find(|mapped| mapped.name == name);
+        if mapped.is_some_and(|mapped| mapped.is_current) {
             return Ok(());
         }
         let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
-        let pair = match self.mapped.iter().find(|mapped| mapped.name == name) {
+        let pair = match mapped {
             Some(mapped) => ColumnPair::new(name, &self.names[mapped.reading.index], Some("A")),
             None => guess::column(name, &free)
                 .filter(ColumnPair::is_current)
@@ -279,11 +275,8 @@ fn mapped_columns<'a>(
         let pair = Pair { name, foreign: column, unit, header: &names[reading.index] };
         let conversion = match pair.conversion(options) {
             Ok(conversion) => conversion,
-            Err(WrongUnit { refusal: Refusal { found, expected }, is_of_file: true }) => {
-                return in_file(found, expected);
-            }
-            Err(WrongUnit { refusal: Refusal { found, expected }, .. }) => {
-                return refuse(found, expected);
+            Err(WrongUnit { refusal: Refusal { found, expected }, is_of_file }) => {
+                return if is_of_file { in_file(found, expected) } else { refuse(found, expected) };
             }
         };
         let is_current = pair.symbol().is_some_and(|unit| torque_scale::amperes(unit).is_some());

@@ -3,18 +3,15 @@
 //! Such a column is never read without a unit. The message shows how to give the size of one count, or the torque of
 //! 100 %.
 
-use super::name_words::is_motor_current;
+use super::name_words::{is_among, is_motor_current};
 use super::torque_scale::expected_constant;
 use super::unit;
 use crate::setting::Setting;
 use compensator_core::quantity::Quantity;
 
 /// Why a mapping is refused.
-#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Refusal {
-    /// What was found.
     pub found: String,
-    /// What is expected.
     pub expected: String,
 }
 
@@ -33,24 +30,10 @@ const PERCENT: [&str; 4] = ["%", "pct", "percent", "prozent"];
 const PER_MILLE: [&str; 5] = ["‰", "permille", "promille", "0.1%", "1/1000"];
 const AMPERES: [&str; 7] = ["a", "arms", "a rms", "amp", "amps", "ampere", "amperes"];
 const VOLTS: [&str; 4] = ["v", "mv", "volt", "volts"];
-const COUNTS: [&str; 12] = [
-    "cnt",
-    "cnts",
-    "count",
-    "counts",
-    "inc",
-    "incs",
-    "increments",
-    "ticks",
-    "pulses",
-    "lsb",
-    "qc",
-    "digits",
-];
+const COUNTS: &str = "cnt cnts count counts inc incs increments ticks pulses lsb qc digits";
 
 /// Symbols that end a name without brackets. Others, such as `a` of a joint, are too common.
-const SUFFIXES: [&str; 10] =
-    ["%", "pct", "percent", "prozent", "permille", "promille", "cnt", "cnts", "counts", "ticks"];
+const SUFFIXES: &str = "% pct percent prozent permille promille cnt cnts counts ticks";
 
 /// Returns such a unit in brackets, or as the last word of a name. A current without a unit is in amperes.
 pub(super) fn other_unit(name: &str) -> Option<OtherUnit> {
@@ -76,7 +59,7 @@ pub(super) fn other_unit(name: &str) -> Option<OtherUnit> {
 }
 
 fn of_word(last: &str) -> Option<OtherUnit> {
-    of_symbol(last).filter(|_| SUFFIXES.contains(&last))
+    of_symbol(last).filter(|_| is_among(SUFFIXES, last))
 }
 
 fn of_symbol(symbol: &str) -> Option<OtherUnit> {
@@ -95,7 +78,7 @@ fn of_symbol(symbol: &str) -> Option<OtherUnit> {
     } else if has(&VOLTS, symbol) {
         Some(OtherUnit::Volt)
     } else {
-        has(&COUNTS, rate).then_some(OtherUnit::Count)
+        is_among(COUNTS, rate).then_some(OtherUnit::Count)
     }
 }
 

@@ -5,6 +5,7 @@
 //! explain the difference between files. Clocks with a known origin are set to the earliest one, so that the files of
 //! a campaign keep a common clock. Finally `skip` drops the start of each run, while the logger's filters settle.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::mem::take;
 use std::path::{Path, PathBuf};
@@ -89,7 +90,7 @@ fn read_logs(
 fn read_table(table: &Table, options: &ReadOptions) -> Result<FileData, DataError> {
     let (path, purpose) = (Path::new(&table.name), Purpose::Data);
     let request = Request { path, options, purpose, is_wide: false, progress: &|_| {} };
-    let columns = table.columns.iter().map(|(name, of)| (name.clone(), of));
+    let columns = table.columns.iter().map(|(name, of)| (name.clone(), Cow::Borrowed(of)));
     clean(LogTable::of_table(&request, columns)?.widen(request)?)
 }
 

@@ -26,6 +26,8 @@ pub struct Survey {
     pub preset: Option<Preset>,
     /// Notes for the user, one sentence each. A front end words the settings in them ([`worded`](super::setting::worded)).
     pub notes: Vec<String>,
+    /// True if suggestions have units by the sizes of the values.
+    pub has_units_by_size: bool,
 }
 
 /// A column of a file.

@@ -115,18 +115,6 @@ impl Cells {
     }
 }
 
-impl From<Cells> for Cow<'_, Cells> {
-    fn from(cells: Cells) -> Self {
-        Cow::Owned(cells)
-    }
-}
-
-impl<'a> From<&'a Cells> for Cow<'a, Cells> {
-    fn from(cells: &'a Cells) -> Self {
-        Cow::Borrowed(cells)
-    }
-}
-
 /// A log as named columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
@@ -134,6 +122,13 @@ pub struct Table {
     pub name: String,
     /// Names and cells of the columns, which all have the same number of rows.
     pub columns: Vec<(String, Cells)>,
+}
+
+impl Table {
+    /// Returns the columns as those of a log's table, which may borrow them.
+    pub(super) fn into_columns<'a>(self) -> impl Iterator<Item = (String, Cow<'a, Cells>)> {
+        self.columns.into_iter().map(|(name, cells)| (name, Cow::Owned(cells)))
+    }
 }
 
 /// One row of columns.

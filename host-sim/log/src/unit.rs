@@ -23,10 +23,7 @@ use crate::setting::Setting;
 use compensator_core::quantity::JointKind;
 use register::Register;
 pub(super) use register::split_register;
-use table::{Dimension, Linear, UNITS, Unit};
-
-/// Relative error of a few operations of `f64`.
-const ROUNDING_ERRORS: f64 = 4.0 * f64::EPSILON;
+use table::{Dimension, Linear, SAME, UNITS, Unit};
 
 /// Conversion of a column's numbers to the contract's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,17 +37,12 @@ pub(super) struct Conversion {
 }
 
 impl Conversion {
-    const UNCHANGED: Self = Self {
-        linear: Linear::SAME,
-        sign: 1.0,
-        offset: 0.0,
-        date_order: None,
-        register: Register::Signed,
-    };
+    const UNCHANGED: Self =
+        Self { linear: SAME, sign: 1.0, offset: 0.0, date_order: None, register: Register::Signed };
 
     /// Returns the conversion of counts, each of a size in the contract's unit, which may be negative.
     pub fn of_count(size: f64, register: Register) -> Self {
-        let linear = Linear { factor: size.abs(), ..Linear::SAME };
+        let linear = Linear { factor: size.abs(), ..SAME };
         Self { linear, sign: size.signum(), register, ..Self::UNCHANGED }
     }
 
@@ -78,10 +70,10 @@ impl Conversion {
         self.date_order
     }
 
-    /// Returns the nanoseconds in one unit of time; `None` if they are no whole number.
+    /// Returns the nanoseconds in one unit of time; `None` if they are, beyond rounding errors, no whole number.
     pub fn nanoseconds(&self) -> Option<i128> {
         let ns = 1e9 * self.linear.factor / self.linear.divisor;
-        let is_whole = (ns - ns.round()).abs() <= ROUNDING_ERRORS * ns && ns.round() > 0.0;
+        let is_whole = (ns - ns.round()).abs() <= 4.0 * f64::EPSILON * ns && ns.round() > 0.0;
         is_whole.then_some(ns.round() as i128)
     }
 }
@@ -290,7 +282,7 @@ pub(crate) fn in_name(contract_name: &str, foreign: &str) -> Option<&'static str
         return Some("ns");
     }
     let unit = at_end(contract_name, foreign)?;
-    (unit.linear != Linear::SAME).then_some(unit.symbols[0])
+    (unit.linear != SAME).then_some(unit.symbols[0])
 }
 
 /// Returns the unit at the end of a column's name, if the contract column could be in it.
@@ -345,24 +337,14 @@ fn is_part_of_unit(name: &str) -> bool {
 /// Returns the unit that the last words of a name form, of any quantity: the longest, so that `bucket_deg_s` is in deg/s.
 pub(crate) fn any_in_name(name: &str) -> Option<&'static str> {
     use Dimension::*;
-    let all = [
-        AngularAcceleration,
-        AngularVelocity,
-        Acceleration,
-        Velocity,
-        Torque,
-        Force,
-        Pressure,
-        Angle,
-        Length,
-        Temperature,
-        Time,
-    ];
+    let motions = [AngularAcceleration, AngularVelocity, Acceleration, Velocity];
+    let others = [Torque, Force, Pressure, Angle, Length, Temperature, Time];
+    let all = motions.into_iter().chain(others);
     if let Some(symbol) = bracketed(name.trim_end()) {
-        return all.into_iter().find_map(|of| find(&symbol, of)).map(|unit| unit.symbols[0]);
+        return all.clone().find_map(|of| find(&symbol, of)).map(|unit| unit.symbols[0]);
     }
     (1..=3).rev().find_map(|count| {
-        let unit = all.into_iter().find_map(|of| of_last_words(name.trim_end(), count, of));
+        let unit = all.clone().find_map(|of| of_last_words(name.trim_end(), count, of));
         unit.map(|unit| unit.symbols[0])
     })
 }

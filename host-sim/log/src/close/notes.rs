@@ -3,11 +3,11 @@
 use super::ChannelLayout;
 use crate::clean::Cleaner;
 use crate::clock;
-use crate::columns::{ColumnUse, is_missing_value};
+use crate::columns::ColumnUse;
 use crate::contract::{RUN, TIME};
 use crate::counter::unsigned_bits;
 use crate::dataset::{LeftOutColumn, Run};
-use crate::error::{BadCell, DataError};
+use crate::error::DataError;
 use crate::fill::Fill;
 use crate::order::MIN_PAUSE_S;
 use crate::setting::Setting;
@@ -61,12 +61,7 @@ impl Cleaner<'_> {
             if let Some((_, method)) = filled[at] {
                 let (numbers, rows) = (tally.numbers, self.rows);
                 let description = method.description();
-                // `found` holds texts in quotes, and also the words for a missing value.
-                let is_text = |cell: &&BadCell| {
-                    cell.found.starts_with('"')
-                        && !is_missing_value(cell.found.trim_matches('"').as_bytes())
-                };
-                let text = match tally.first_bad.iter().find(is_text) {
+                let text = match &tally.first_text {
                     Some(cell) => format!("; row {} holds {}", cell.row, cell.found),
                     None => String::new(),
                 };
@@ -99,7 +94,6 @@ impl Cleaner<'_> {
         &mut self,
         channels: ChannelLayout,
         other_rows: usize,
-        [repeated, spread]: [usize; 2],
         extra_recordings: usize,
     ) {
         if self.unselected_rows > 0 {
@@ -136,6 +130,18 @@ impl Cleaner<'_> {
                 extra_recordings + 1,
             ));
         }
+    }
+
+    /// Adds notes on rows with equal time stamps, of which some were spread, on rows that occur twice, and on rows that were
+    /// sorted.
+    pub(super) fn add_order_notes(
+        &mut self,
+        late: usize,
+        duplicates: usize,
+        repeated: usize,
+        spread: usize,
+    ) {
+        let rows = self.rows;
         if spread > 0 {
             self.note(format!(
                 "{spread} rows repeat the time stamp before them: the rows of a stamp are spread evenly up to the next"
@@ -145,11 +151,6 @@ impl Cleaner<'_> {
         if repeated > 0 {
             self.note(format!("{repeated} rows repeat the time stamp before them and are kept"));
         }
-    }
-
-    /// Adds notes on rows that were sorted, and on rows that occur twice.
-    pub(super) fn add_order_notes(&mut self, late: usize, duplicates: usize) {
-        let rows = self.rows;
         if duplicates > 0 {
             self.note(format!(
                 "{duplicates} of {rows} rows repeat an earlier row in all columns and are left out"

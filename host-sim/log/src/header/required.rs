@@ -3,7 +3,7 @@
 use crate::cell::CellReader;
 use crate::contract::{POSITIONS, TARGETS, TIME, VELOCITIES};
 use crate::error::{DataError, at_header};
-use crate::naming::{MissingColumn, Naming};
+use crate::naming::Naming;
 use crate::row_clock::Timing;
 use crate::setting::Setting;
 use crate::unit::conversion;
@@ -40,19 +40,14 @@ impl RequiredColumns {
         if let (Some(time), Some(motion), Some(target)) = (time, motion, target) {
             return Ok(Self { time, motion, is_position: velocity.is_none(), target });
         }
-        let mut missing = Vec::new();
-        if time.is_none() && !matches!(timing, Timing::Rate(_)) {
-            missing.push(MissingColumn { name: TIME, in_words: TIME });
-        }
-        if motion.is_none() {
-            let (name, _) = VELOCITIES[usize::from(kind == Some(JointKind::Prismatic))];
-            missing.push(MissingColumn { name, in_words: "velocity_rad_s (or velocity_m_s)" });
-        }
-        if target.is_none() {
-            let name = TARGETS[0].0;
-            missing.push(MissingColumn { name, in_words: "torque_nm (or force_n)" });
-        }
-        Err(naming.missing(file, &missing))
+        let is_timed = time.is_some() || matches!(timing, Timing::Rate(_));
+        let (velocity, _) = VELOCITIES[usize::from(kind == Some(JointKind::Prismatic))];
+        let missing = [
+            (!is_timed).then_some(TIME),
+            motion.is_none().then_some(velocity),
+            target.is_none().then_some(TARGETS[0].0),
+        ];
+        Err(naming.missing(file, missing.into_iter().flatten().collect()))
     }
 
     /// Returns a note if motion and target have units of different joint kinds, which `--columns` must allow.

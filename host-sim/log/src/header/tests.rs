@@ -88,7 +88,7 @@ fn layout_with_joint_position_alone_reads_it_as_the_position() {
 fn layout_with_missing_columns_lists_them_with_a_hint() {
     let error = read_header("time_s,dq,tau", "").unwrap_err();
     let DataError::MissingColumns { missing, count, .. } = &error else { panic!("{error}") };
-    assert_eq!((&missing[..], *count), (&["velocity_rad_s".into(), "torque_nm".into()][..], 3));
+    assert_eq!((&missing[..], *count), (&["velocity_rad_s", "torque_nm"][..], 3));
     let pairs = "columns velocity_rad_s=dq,torque_nm=tau";
     let parts = ["f.csv", "time_s, dq, tau", "velocity_m_s", "force_n", pairs];
     message::check("headers", "missing columns", &error.to_string(), &parts);

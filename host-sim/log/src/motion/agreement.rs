@@ -87,9 +87,7 @@ impl Agreement {
         let lag = self.lag_rows.abs();
         self.is_clear() && lag > MIN_LAG_ROWS && lag > MIN_LAG_ERRORS * self.lag_error_rows
     }
-}
 
-impl Agreement {
     /// Returns true if the velocity was low-pass filtered, so that its error is correlated and cannot be averaged. Then
     /// the position alone gives the better motion.
     pub fn is_filtered(&self) -> bool {

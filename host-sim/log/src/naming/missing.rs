@@ -1,8 +1,7 @@
 //! The error of a header without a required column, with the pairs of `--columns` to type.
 //!
-//! A user whose columns have other names mostly does not know those of the contract. For several joints, the error shows the
-//! pattern of all ([`suggested_map`]); else the only column with a typical name ([`guess::column`]); else `NAME`. It adds the
-//! position, which checks and causes need, and the scale of a torque that is a current or the law of a servo.
+//! For several joints, the error shows the pattern of all ([`suggested_map`]); else the only column with a typical name
+//! ([`guess::column`]); else `NAME`. It adds the position, which checks need, and what makes a torque of a current or a target.
 
 use super::Naming;
 use crate::column_pair::ColumnPair;
@@ -14,22 +13,15 @@ use crate::{guess, servo_torque, torque_constant};
 use compensator_core::quantity::{JointKind, Quantity};
 use std::path::Path;
 
-/// A required column that a header lacks.
-pub(crate) struct MissingColumn {
-    /// Its contract name.
-    pub name: &'static str,
-    /// Its name in the message.
-    pub in_words: &'static str,
-}
-
 /// Stands for a column that the user must know.
 const PLACEHOLDER: &str = "NAME";
 
 const POSITION: &str = POSITIONS[0].0;
 
 impl Naming<'_> {
-    /// Returns the error for missing columns. If a column of the file probably matches, the message suggests the pair.
-    pub fn missing(&self, file: &Path, missing: &[MissingColumn]) -> DataError {
+    /// Returns the error for missing columns of these contract names. If a column of the file probably matches, the message
+    /// suggests the pair.
+    pub fn missing(&self, file: &Path, missing: Vec<&'static str>) -> DataError {
         let free: Vec<&str> = self.columns().map(|(_, name)| name).collect();
         let joints = suggested_map(&free).unwrap_or_default();
         let pair = |name: &'static str| {
@@ -39,7 +31,7 @@ impl Naming<'_> {
             let found = joints.pair(name).or_else(|| guess::column(name, &free)).or_else(position);
             found.unwrap_or_else(|| ColumnPair::new(name, PLACEHOLDER, None))
         };
-        let mut pairs: Vec<ColumnPair> = missing.iter().map(|column| pair(column.name)).collect();
+        let mut pairs: Vec<ColumnPair> = missing.iter().map(|name| pair(name)).collect();
         // Checks and causes need the position, also beside a velocity.
         let is_there =
             POSITIONS.iter().any(|(name, _)| free.contains(name) || self.is_mapped(name));
@@ -55,8 +47,15 @@ impl Naming<'_> {
         }
         let all: Vec<String> = pairs.iter().map(ColumnPair::to_string).collect();
         let pairs = Setting::Columns.suggested(all.join(",")) + &torque_hint(&pairs, &free);
-        let names: Vec<&str> = missing.iter().map(|column| column.in_words).collect();
-        let names = names.join(" and ");
+        let in_words = |name: &&str| match Quantity::parse(name) {
+            Some((of, Some(_))) => {
+                let [turns, slides] =
+                    [JointKind::Revolute, JointKind::Prismatic].map(|kind| of.name(kind));
+                format!("{turns} (or {slides})")
+            }
+            _ => (*name).to_owned(),
+        };
+        let names = missing.iter().map(in_words).collect::<Vec<_>>().join(" and ");
         DataError::MissingColumns {
             file: file.into(),
             found: format!("only the columns {}", listed(self.names)),
@@ -68,7 +67,7 @@ impl Naming<'_> {
                 ),
             },
             pairs: pairs.into(),
-            missing: missing.iter().map(|column| column.name.to_owned()).collect(),
+            missing,
             count: self.names.len(),
         }
     }
@@ -77,21 +76,17 @@ impl Naming<'_> {
 /// Returns what gives the torque, as the end of what an error expects: of a current the torque constant, and beside a target
 /// the gains of the servo.
 fn torque_hint(pairs: &[ColumnPair], free: &[&str]) -> String {
-    let kind = |pair: &ColumnPair| match Quantity::parse(pair.quantity) {
-        Some((Quantity::Torque, kind)) => kind,
-        _ => None,
-    };
-    let Some((torque, kind)) = pairs.iter().find_map(|pair| Some((pair, kind(pair)?))) else {
-        return String::new();
-    };
-    if torque.is_current() {
-        let example = if kind == JointKind::Prismatic { "40N/A" } else { torque_constant::EXAMPLE };
+    let [(torque, _), (force, _)] = TARGETS;
+    let target = pairs.iter().find(|pair| [torque, force].contains(&pair.quantity));
+    let Some(target) = target else { return String::new() };
+    if target.is_current() {
+        let example = if target.quantity == force { "40N/A" } else { torque_constant::EXAMPLE };
         let constant = Setting::TorqueConstant.suggested(example);
         return format!(" with the motor's torque constant, {constant}");
     }
     match free.iter().find(|name| guess::is_position_target(name)) {
-        Some(target) if torque.column == PLACEHOLDER => {
-            let law = Setting::TorqueFrom.suggested(servo_torque::example(target));
+        Some(demand) if target.column == PLACEHOLDER => {
+            let law = Setting::TorqueFrom.suggested(servo_torque::example(demand));
             format!("; without a torque, the gains of the servo give it: {law}")
         }
         _ => String::new(),

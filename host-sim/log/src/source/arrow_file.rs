@@ -16,6 +16,7 @@ use arrow_array::types as of;
 use arrow_array::{Array, ArrowPrimitiveType, Int64Array};
 use arrow_ipc::reader::StreamReader;
 use arrow_schema::{ArrowError, DataType, TimeUnit};
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -59,7 +60,7 @@ fn open(input: &Input) -> Result<LogTable<'static>, DataError> {
             break;
         }
     }
-    Ok(LogTable::of_columns(&request, plan, columns))
+    Ok(LogTable::of_columns(&request, plan, columns.into_iter().map(Cow::Owned)))
 }
 
 /// Returns the start of the stream in a file: after the mark and zeros for alignment, which writers choose.
@@ -129,7 +130,6 @@ fn cells(array: &dyn Array) -> Cells {
         Is::UInt32 => numbers::<of::UInt32Type>(array, f64::from),
         Is::UInt16 => numbers::<of::UInt16Type>(array, f64::from),
         Is::UInt8 => numbers::<of::UInt8Type>(array, f64::from),
-        Is::Duration(TimeUnit::Second) => numbers::<of::Int64Type>(&counts(array), |v| v as f64),
         Is::Duration(unit) => {
             let seconds = unit_ns(*unit) as f64 / 1e9;
             numbers::<of::Int64Type>(&counts(array), |v| v as f64 * seconds)

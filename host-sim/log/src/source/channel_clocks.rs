@@ -84,16 +84,7 @@ enum Stamps {
 }
 
 impl Stamps {
-    /// Returns what a stamp counts, if it is the first of its file. `text` is its cell.
-    fn of_first(stamp: f64, text: &[u8]) -> Self {
-        if stamp < MIN_FILETIME {
-            Self::Plain
-        } else {
-            Self::FileTime { first: ticks(stamp, text) }
-        }
-    }
-
-    /// Returns the time of a stamp, or what was expected instead.
+    /// Returns the time of a stamp with the text of its cell, or what was expected instead.
     fn time(self, stamp: f64, text: &[u8]) -> Result<f64, &'static str> {
         match self {
             Self::Plain if stamp < MIN_FILETIME => Ok(stamp),
@@ -214,7 +205,10 @@ impl ChannelClocks {
             // A slower channel has fewer samples.
             return if clock.is_empty() { Ok(None) } else { bad(0, quoted(&clock), FINITE.into()) };
         };
-        let kind = *stamps.get_or_insert_with(|| Stamps::of_first(stamp, &clock));
+        let kind = stamps.get_or_insert_with(|| match stamp < MIN_FILETIME {
+            true => Stamps::Plain,
+            false => Stamps::FileTime { first: ticks(stamp, &clock) },
+        });
         let time = match kind.time(stamp, &clock) {
             Ok(time) => time,
             Err(expected) => return bad(0, quoted(&clock), expected.into()),

@@ -98,7 +98,7 @@ fn read_variables(
     });
     // The samples of a trace have times in each mode of reading.
     let joined = join_tables(&name, tables.collect(), &ReadOptions::default())?;
-    let mut table = LogTable::of_table(&request, joined.table.columns)?;
+    let mut table = LogTable::of_table(&request, joined.table.into_columns())?;
     table.notes.push(format!(
         "{name}: a trace of CODESYS: {count} variables, joined by {}, with times in ms",
         joined.in_words

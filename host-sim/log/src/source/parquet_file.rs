@@ -8,6 +8,7 @@
 //! uncompressed or compressed with snappy, zstd or brotli. Lists, times of day and decimals are not measurements and are left
 //! out by name.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::path::Path;
 
@@ -58,7 +59,7 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
         let progress = |share: f64| (request.progress)((share * size as f64) as u64);
         let cells = parquet.cells(is_needed.collect(), plan.max_rows(), &progress);
         let cells = cells.map_err(|error| failed(request.path, error, EXPECTED))?;
-        Ok(LogTable::of_columns(&request, plan, cells))
+        Ok(LogTable::of_columns(&request, plan, cells.into_iter().map(Cow::Owned)))
     })
 }
 
@@ -115,7 +116,10 @@ impl ParquetFile {
             let mut readers = open_readers(&self.file, &*group, &self.kinds, &is_needed)?;
             while done < rows {
                 progress((done as f64 / total).min(1.0));
-                let batch = next_batches(&mut readers)?;
+                let next = |reader: &mut Option<BatchReader>| {
+                    reader.as_mut().map_or(Ok(Cells::NOT_READ), next_batch)
+                };
+                let batch: Vec<Cells> = readers.iter_mut().map(next).collect::<Result<_, _>>()?;
                 let count = rows_of(&batch)?;
                 if count == 0 {
                     break;
@@ -217,12 +221,6 @@ fn open_readers(
         }
     };
     kinds.iter().zip(needed).enumerate().map(open).collect()
-}
-
-fn next_batches(readers: &mut [Option<BatchReader>]) -> Result<Vec<Cells>, ParquetError> {
-    let batch =
-        |reader: &mut Option<BatchReader>| reader.as_mut().map_or(Ok(Cells::NOT_READ), next_batch);
-    readers.iter_mut().map(batch).collect()
 }
 
 fn next_batch(reader: &mut BatchReader) -> Result<Cells, ParquetError> {

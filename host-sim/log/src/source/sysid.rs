@@ -68,7 +68,7 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let hint = format!(
         "a voltage is no torque: log the motor's torque or current, or state the torque of 1 V, as {of_volt}"
     );
-    let table = LogTable::of_table(&input.request, table.columns);
+    let table = LogTable::of_table(&input.request, table.into_columns());
     let table = table.map_err(|error| error.with_hint(&hint))?;
     let notes = vec![format!("{}: a file of SysId, each test is a run", path.display())];
     Ok(LogTable { notes, hint: Some(hint), ..table })

@@ -20,20 +20,16 @@ pub(super) enum Dimension {
     Temperature,
 }
 
-/// Conversion of a value to the contract's unit. The divisor keeps it exact: 1 ms becomes the number nearest to 0.001.
+/// Conversion to the contract's unit: the value is multiplied, then divided, and the offset is added. The divisor keeps it exact:
+/// 1 ms becomes the number nearest to 0.001.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Linear {
-    /// The value is multiplied by this,
     pub factor: f64,
-    /// then divided by this,
     pub divisor: f64,
-    /// and this is added.
     pub offset: f64,
 }
 
-impl Linear {
-    pub const SAME: Self = Self { factor: 1.0, divisor: 1.0, offset: 0.0 };
-}
+pub(super) const SAME: Linear = Linear { factor: 1.0, divisor: 1.0, offset: 0.0 };
 
 /// A unit with its notations.
 pub(super) struct Unit {
@@ -42,24 +38,14 @@ pub(super) struct Unit {
     pub linear: Linear,
 }
 
-/// Returns a unit of `factor / divisor` units of the contract.
 const fn unit(
     dimension: Dimension,
     symbols: &'static [&'static str],
     factor: f64,
     divisor: f64,
-) -> Unit {
-    Unit { dimension, symbols, linear: Linear { factor, divisor, offset: 0.0 } }
-}
-
-/// Returns a temperature, of which the contract's unit has `offset` at 0.
-const fn temperature(
-    symbols: &'static [&'static str],
-    factor: f64,
-    divisor: f64,
     offset: f64,
 ) -> Unit {
-    Unit { dimension: Dimension::Temperature, symbols, linear: Linear { factor, divisor, offset } }
+    Unit { dimension, symbols, linear: Linear { factor, divisor, offset } }
 }
 
 const TURN_RAD: f64 = std::f64::consts::TAU;
@@ -71,71 +57,72 @@ const POUND_FORCE_N: f64 = 4.448_221_615_260_5;
 pub(super) const UNITS: &[Unit] = {
     use Dimension::*;
     &[
-        unit(Time, &["s", "sec", "seconds", "iso", "iso8601", "date", "datetime"], 1.0, 1.0),
-        unit(Time, &["ms", "msec", "millis", "milliseconds"], 1.0, 1e3),
-        unit(Time, &["us", "usec", "micros", "microseconds"], 1.0, 1e6),
-        unit(Time, &["ns", "nsec", "nanos", "nanoseconds", "nanosec"], 1.0, 1e9),
-        unit(Time, &["min", "minutes"], 60.0, 1.0),
-        unit(Time, &["h", "hours"], 3600.0, 1.0),
-        unit(Time, &["d", "days"], 86_400.0, 1.0),
-        unit(Angle, &["rad"], 1.0, 1.0),
-        unit(Angle, &["mrad"], 1.0, 1e3),
-        unit(Angle, &["deg", "degrees"], TURN_RAD, 360.0),
-        unit(Angle, &["rev", "turn", "turns", "revolutions"], TURN_RAD, 1.0),
-        unit(AngularVelocity, &["rad/s", "radps", "rads1"], 1.0, 1.0),
-        unit(AngularVelocity, &["mrad/s"], 1.0, 1e3),
-        unit(AngularVelocity, &["deg/s", "degps", "dps"], TURN_RAD, 360.0),
+        unit(Time, &["s", "sec", "seconds", "iso", "iso8601", "date", "datetime"], 1.0, 1.0, 0.0),
+        unit(Time, &["ms", "msec", "millis", "milliseconds"], 1.0, 1e3, 0.0),
+        unit(Time, &["us", "usec", "micros", "microseconds"], 1.0, 1e6, 0.0),
+        unit(Time, &["ns", "nsec", "nanos", "nanoseconds", "nanosec"], 1.0, 1e9, 0.0),
+        unit(Time, &["min", "minutes"], 60.0, 1.0, 0.0),
+        unit(Time, &["h", "hours"], 3600.0, 1.0, 0.0),
+        unit(Time, &["d", "days"], 86_400.0, 1.0, 0.0),
+        unit(Angle, &["rad"], 1.0, 1.0, 0.0),
+        unit(Angle, &["mrad"], 1.0, 1e3, 0.0),
+        unit(Angle, &["deg", "degrees"], TURN_RAD, 360.0, 0.0),
+        unit(Angle, &["rev", "turn", "turns", "revolutions"], TURN_RAD, 1.0, 0.0),
+        unit(AngularVelocity, &["rad/s", "radps", "rads1"], 1.0, 1.0, 0.0),
+        unit(AngularVelocity, &["mrad/s"], 1.0, 1e3, 0.0),
+        unit(AngularVelocity, &["deg/s", "degps", "dps"], TURN_RAD, 360.0, 0.0),
         unit(
             AngularVelocity,
             &["rpm", "1/min", "r/min", "rev/min", "U/min", "tr/min", "giri/min", "min1"],
             TURN_RAD,
             60.0,
+            0.0,
         ),
-        unit(AngularVelocity, &["rps", "rev/s", "turn/s", "turns/s"], TURN_RAD, 1.0),
-        unit(AngularAcceleration, &["rad/s2", "rad/s/s"], 1.0, 1.0),
-        unit(AngularAcceleration, &["deg/s2", "deg/s/s"], TURN_RAD, 360.0),
-        unit(AngularAcceleration, &["rpm/s"], TURN_RAD, 60.0),
-        unit(AngularAcceleration, &["rev/s2", "turn/s2", "turns/s2"], TURN_RAD, 1.0),
-        unit(Length, &["m"], 1.0, 1.0),
-        unit(Length, &["cm"], 1.0, 1e2),
-        unit(Length, &["mm"], 1.0, 1e3),
-        unit(Length, &["um"], 1.0, 1e6),
-        unit(Length, &["inch", "inches"], INCH_M, 1.0),
-        unit(Velocity, &["m/s"], 1.0, 1.0),
-        unit(Velocity, &["cm/s"], 1.0, 1e2),
-        unit(Velocity, &["mm/s"], 1.0, 1e3),
-        unit(Velocity, &["um/s"], 1.0, 1e6),
-        unit(Velocity, &["m/min"], 1.0, 60.0),
-        unit(Velocity, &["mm/min"], 1.0, 6e4),
-        unit(Velocity, &["inch/s", "in/s"], INCH_M, 1.0),
-        unit(Acceleration, &["m/s2", "m/s/s"], 1.0, 1.0),
-        unit(Acceleration, &["cm/s2"], 1.0, 1e2),
-        unit(Acceleration, &["mm/s2"], 1.0, 1e3),
-        unit(Torque, &["Nm"], 1.0, 1.0),
-        unit(Torque, &["cNm", "Ncm"], 1.0, 1e2),
-        unit(Torque, &["mNm", "Nmm"], 1.0, 1e3),
-        unit(Torque, &["uNm"], 1.0, 1e6),
-        unit(Torque, &["kNm"], 1e3, 1.0),
-        unit(Torque, &["MNm"], 1e6, 1.0),
-        unit(Torque, &["kgcm", "kgfcm"], GRAVITY_M_S2, 1e2),
-        unit(Torque, &["ozin", "ozfin"], POUND_FORCE_N * INCH_M, 16.0),
-        unit(Torque, &["lbin", "lbfin", "inlb"], POUND_FORCE_N * INCH_M, 1.0),
-        unit(Torque, &["lbft", "lbfft", "ftlb"], POUND_FORCE_N * INCH_M * 12.0, 1.0),
-        unit(Force, &["N"], 1.0, 1.0),
-        unit(Force, &["mN"], 1.0, 1e3),
-        unit(Force, &["kN"], 1e3, 1.0),
-        unit(Force, &["MN"], 1e6, 1.0),
-        unit(Force, &["kgf"], GRAVITY_M_S2, 1.0),
-        unit(Force, &["lbf"], POUND_FORCE_N, 1.0),
-        unit(Pressure, &["Pa"], 1.0, 1.0),
-        unit(Pressure, &["hPa", "mbar"], 1e2, 1.0),
-        unit(Pressure, &["kPa"], 1e3, 1.0),
-        unit(Pressure, &["MPa"], 1e6, 1.0),
-        unit(Pressure, &["bar"], 1e5, 1.0),
-        unit(Pressure, &["psi"], POUND_FORCE_N, INCH_M * INCH_M),
-        unit(Pressure, &["atm"], 101_325.0, 1.0),
-        temperature(&["degC", "C", "celsius"], 1.0, 1.0, 0.0),
-        temperature(&["K", "kelvin"], 1.0, 1.0, -273.15),
-        temperature(&["degF", "F", "fahrenheit"], 5.0, 9.0, -160.0 / 9.0),
+        unit(AngularVelocity, &["rps", "rev/s", "turn/s", "turns/s"], TURN_RAD, 1.0, 0.0),
+        unit(AngularAcceleration, &["rad/s2", "rad/s/s"], 1.0, 1.0, 0.0),
+        unit(AngularAcceleration, &["deg/s2", "deg/s/s"], TURN_RAD, 360.0, 0.0),
+        unit(AngularAcceleration, &["rpm/s"], TURN_RAD, 60.0, 0.0),
+        unit(AngularAcceleration, &["rev/s2", "turn/s2", "turns/s2"], TURN_RAD, 1.0, 0.0),
+        unit(Length, &["m"], 1.0, 1.0, 0.0),
+        unit(Length, &["cm"], 1.0, 1e2, 0.0),
+        unit(Length, &["mm"], 1.0, 1e3, 0.0),
+        unit(Length, &["um"], 1.0, 1e6, 0.0),
+        unit(Length, &["inch", "inches"], INCH_M, 1.0, 0.0),
+        unit(Velocity, &["m/s"], 1.0, 1.0, 0.0),
+        unit(Velocity, &["cm/s"], 1.0, 1e2, 0.0),
+        unit(Velocity, &["mm/s"], 1.0, 1e3, 0.0),
+        unit(Velocity, &["um/s"], 1.0, 1e6, 0.0),
+        unit(Velocity, &["m/min"], 1.0, 60.0, 0.0),
+        unit(Velocity, &["mm/min"], 1.0, 6e4, 0.0),
+        unit(Velocity, &["inch/s", "in/s"], INCH_M, 1.0, 0.0),
+        unit(Acceleration, &["m/s2", "m/s/s"], 1.0, 1.0, 0.0),
+        unit(Acceleration, &["cm/s2"], 1.0, 1e2, 0.0),
+        unit(Acceleration, &["mm/s2"], 1.0, 1e3, 0.0),
+        unit(Torque, &["Nm"], 1.0, 1.0, 0.0),
+        unit(Torque, &["cNm", "Ncm"], 1.0, 1e2, 0.0),
+        unit(Torque, &["mNm", "Nmm"], 1.0, 1e3, 0.0),
+        unit(Torque, &["uNm"], 1.0, 1e6, 0.0),
+        unit(Torque, &["kNm"], 1e3, 1.0, 0.0),
+        unit(Torque, &["MNm"], 1e6, 1.0, 0.0),
+        unit(Torque, &["kgcm", "kgfcm"], GRAVITY_M_S2, 1e2, 0.0),
+        unit(Torque, &["ozin", "ozfin"], POUND_FORCE_N * INCH_M, 16.0, 0.0),
+        unit(Torque, &["lbin", "lbfin", "inlb"], POUND_FORCE_N * INCH_M, 1.0, 0.0),
+        unit(Torque, &["lbft", "lbfft", "ftlb"], POUND_FORCE_N * INCH_M * 12.0, 1.0, 0.0),
+        unit(Force, &["N"], 1.0, 1.0, 0.0),
+        unit(Force, &["mN"], 1.0, 1e3, 0.0),
+        unit(Force, &["kN"], 1e3, 1.0, 0.0),
+        unit(Force, &["MN"], 1e6, 1.0, 0.0),
+        unit(Force, &["kgf"], GRAVITY_M_S2, 1.0, 0.0),
+        unit(Force, &["lbf"], POUND_FORCE_N, 1.0, 0.0),
+        unit(Pressure, &["Pa"], 1.0, 1.0, 0.0),
+        unit(Pressure, &["hPa", "mbar"], 1e2, 1.0, 0.0),
+        unit(Pressure, &["kPa"], 1e3, 1.0, 0.0),
+        unit(Pressure, &["MPa"], 1e6, 1.0, 0.0),
+        unit(Pressure, &["bar"], 1e5, 1.0, 0.0),
+        unit(Pressure, &["psi"], POUND_FORCE_N, INCH_M * INCH_M, 0.0),
+        unit(Pressure, &["atm"], 101_325.0, 1.0, 0.0),
+        unit(Temperature, &["degC", "C", "celsius"], 1.0, 1.0, 0.0),
+        unit(Temperature, &["K", "kelvin"], 1.0, 1.0, -273.15),
+        unit(Temperature, &["degF", "F", "fahrenheit"], 5.0, 9.0, -160.0 / 9.0),
     ]
 };
