@@ -53,7 +53,7 @@ impl Naming<'_> {
                     [JointKind::Revolute, JointKind::Prismatic].map(|kind| of.name(kind));
                 format!("{turns} (or {slides})")
             }
-            Some((_, None)) | None => (*name).to_owned(),
+            _ => (*name).to_owned(),
         };
         let names = missing.iter().map(in_words).collect::<Vec<_>>().join(" and ");
         DataError::MissingColumns {

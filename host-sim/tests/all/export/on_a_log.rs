@@ -3,7 +3,7 @@
 use super::compiled_c::{CRow, run_c};
 use compensator_core::{ModelState, Sample};
 use friction_fit::params;
-use friction_fit::prediction::{PredictionOptions, PredictionStart, predict_log};
+use friction_fit::prediction::{PredictionOptions, PredictionStart, log_tracks, predict_tracks};
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Rows, identify, tracks};
 use host_sim::driver_file;
@@ -53,10 +53,12 @@ fn export_gives_the_same_error_on_a_log_in_every_form() {
         let base = spec.parameters().expect("parameters");
         let fit = identify(&spec, &base, rows, rows, &FitOptions::default());
         let file = driver_file::parse(&params::emit(&fit, &data, None)).expect("a legal model");
-        let predicted = predict_log(&file, &data, &PredictionOptions::AS_EXPORTED).expect("rows");
+        let tracks = log_tracks(&file, &data).expect("tracks");
+        let predict = |options| predict_tracks(&file, &data, &tracks, options).expect("rows");
+        let predicted = predict(&PredictionOptions::AS_EXPORTED);
         let from_zero =
             PredictionOptions { start: PredictionStart::Rest, ..PredictionOptions::AS_EXPORTED };
-        let from_zero = predict_log(&file, &data, &from_zero).expect("rows").metrics.rmse;
+        let from_zero = predict(&from_zero).metrics.rmse;
         let expected = predicted.metrics.rmse;
         assert!(from_zero > 1.05 * expected, "a start of no use: {from_zero} {expected}");
 
