@@ -73,7 +73,7 @@ pub fn summary_markdown(
         text += &format!(
             "\n## Goals\n\n{reached} of {} reached.\n\n{}",
             outcome.goals.len(),
-            goal_table(&outcome.goals).markdown()
+            markdown(&goal_table(&outcome.goals))
         );
         let short: Vec<&Goal> = outcome
             .goals
@@ -97,7 +97,26 @@ pub fn summary_markdown(
         text += "\n## Numbers\n";
     }
     for table in &outcome.digest {
-        text += &format!("\n{}", table.markdown());
+        text += &format!("\n{}", markdown(table));
+    }
+    text
+}
+
+/// Returns a table as Markdown with its caption above it and a line break at the end.
+fn markdown(table: &Table) -> String {
+    let line = |cells: &mut dyn Iterator<Item = String>| {
+        let cells: Vec<String> = cells.map(|cell| cell.replace('|', "\\|")).collect();
+        format!("| {} |\n", cells.join(" | "))
+    };
+    let caption = match table.caption.as_str() {
+        "" => String::new(),
+        caption => format!("**{caption}**\n\n"),
+    };
+    let rule = format!("|{}\n", "---|".repeat(table.header.len()));
+    let mut text = caption + &line(&mut table.header.iter().cloned()) + &rule;
+    for row in &table.rows {
+        let cell = |index| row.get(index).map_or_else(|| Cell::Empty.text(), Cell::text);
+        text += &line(&mut (0..table.header.len()).map(cell));
     }
     text
 }
@@ -176,7 +195,7 @@ mod tests {
         let table = pivot_table("both", &rows, place);
         let text = "**both**\n\n|  | ours | theirs |\n|---|---|---|\n\
                     | error, % | 1.00 (print: 2.000) | 3.00 ± 0.50 |\n";
-        assert_eq!(table.markdown(), text);
+        assert_eq!(markdown(&table), text);
     }
 
     #[test]

@@ -68,7 +68,8 @@ impl From<Option<f64>> for Cell {
 }
 
 impl Cell {
-    fn text(&self) -> String {
+    /// Returns the text of the cell.
+    pub fn text(&self) -> String {
         match self {
             Self::Text(text) | Self::Link { text, .. } => text.clone(),
             Self::Number(value) => significant(*value, DIGITS),
@@ -154,25 +155,6 @@ impl Table {
                 }
             } }
         }
-    }
-
-    /// Returns the table as Markdown with its caption above it and a line break at the end.
-    pub fn markdown(&self) -> String {
-        let line = |cells: &mut dyn Iterator<Item = String>| {
-            let cells: Vec<String> = cells.map(|cell| cell.replace('|', "\\|")).collect();
-            format!("| {} |\n", cells.join(" | "))
-        };
-        let caption = match self.caption.as_str() {
-            "" => String::new(),
-            caption => format!("**{caption}**\n\n"),
-        };
-        let rule = format!("|{}\n", "---|".repeat(self.header.len()));
-        let mut text = caption + &line(&mut self.header.iter().cloned()) + &rule;
-        for row in &self.rows {
-            let cell = |index| row.get(index).map_or_else(|| Cell::Empty.text(), Cell::text);
-            text += &line(&mut (0..self.header.len()).map(cell));
-        }
-        text
     }
 
     fn column(&self, index: usize) -> ColumnLayout {
