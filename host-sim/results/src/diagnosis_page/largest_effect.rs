@@ -10,6 +10,7 @@ use super::rows::{Stretch, times};
 use crate::page::words::capitalised;
 use crate::report::{Axis, Chart, Series, rounded};
 use joint_log::number::significant;
+use joint_log::statistics::extent;
 use std::ops::Range;
 
 /// Share of a segment that the window shows: short, so that the torque itself changes little in most windows.
@@ -69,9 +70,7 @@ pub(super) fn chart(scene: &Scene) -> Option<Chart> {
     let length = (rows.len() / MEANS).max(1);
     // A mean over rows between which the torque changes shows neither.
     let base = &stretch.before[rows.clone()];
-    let span = base.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], torque| {
-        [low.min(*torque), high.max(*torque)]
-    });
+    let span = extent(base.iter().copied());
     let is_steady = span[1] - span[0] < MEANS as f64 * scene.about.found.noise_floor;
     let is_hidden = scene.is_extended() && ratio < HIDDEN_EFFECT_RATIO;
     let (logged, averaged) = if is_hidden && is_steady && length > 1 {

@@ -91,6 +91,17 @@ pub(super) fn over_time(scene: &Scene) -> Chart {
         let after = means(&with_holes(&scene.held.after));
         series.push(Series::line(AFTER, at, rounded(&after)));
     }
+    Chart {
+        title: "Residual over the time of all held-out rows".into(),
+        caption: caption(scene, &floor, length),
+        x: Axis::new("time without pauses (s)"),
+        y: Axis::new(format!("logged − simulated ({})", scene.unit())),
+        series,
+    }
+}
+
+/// Returns the caption of the chart, whose means are over `length` rows.
+fn caption(scene: &Scene, floor: &NoiseFloor, length: usize) -> String {
     let motion = match floor.motion > 0.0 {
         true => format!(
             " and the effect of the uncertain motion ({} RMS, largest at reversals and rests)",
@@ -98,17 +109,11 @@ pub(super) fn over_time(scene: &Scene) -> Chart {
         ),
         false => String::new(),
     };
-    Chart {
-        title: "Residual over the time of all held-out rows".into(),
-        caption: format!(
-            "Means of {length} rows each, over the single rows of the {} model; the runs follow one another. The band is two \
-             standard deviations of the noise floor: sensor noise ({}){motion}. Means outside the band, or with a visible \
-             pattern, show an effect that the model does not contain.",
-            if scene.is_extended() { "extended" } else { "base" },
-            quantity(floor.noise, scene.unit())
-        ),
-        x: Axis::new("time without pauses (s)"),
-        y: Axis::new(format!("logged − simulated ({})", scene.unit())),
-        series,
-    }
+    format!(
+        "Means of {length} rows each, over the single rows of the {} model; the runs follow one another. The band is two \
+         standard deviations of the noise floor: sensor noise ({}){motion}. Means outside the band, or with a visible \
+         pattern, show an effect that the model does not contain.",
+        if scene.is_extended() { "extended" } else { "base" },
+        quantity(floor.noise, scene.unit())
+    )
 }

@@ -65,33 +65,27 @@ pub(super) fn add(
             program.scale_by("level_scale", &mut effects.level_scale, factor);
         }
         Kind::StribeckShape => effects.stribeck_exponent = Some(n(Id::StribeckExponent)),
-        _ => {
-            for torque in torques(effects, kind, model) {
-                program.add_to("torque", &mut effects.torque, torque);
-            }
-        }
-    }
-    program.end_comment();
-}
-
-/// Returns what a term adds to the torque outside the law.
-fn torques(effects: &Effects, kind: Kind, model: &Parameters<f32>) -> Vec<Expr> {
-    let n = |id: Id| Expr::number(model.get(id));
-    match kind {
         Kind::GravityImbalance => {
             let position = Expr::input("position_rad");
-            vec![n(Id::GravitySine) * position.sin() + n(Id::GravityCosine) * position.cos()]
+            let gravity =
+                n(Id::GravitySine) * position.sin() + n(Id::GravityCosine) * position.cos();
+            program.add_to("torque", &mut effects.torque, gravity);
         }
         Kind::TorqueRipple => {
-            let waves = TORQUE_RIPPLE_PARAMETERS.iter().filter(|ids| model.get(ids[0]) > 0.0);
-            let torque = |[order, sine, cosine]: [Expr; 3]| wave(order, sine, cosine);
-            waves.map(|ids| torque(ids.map(n))).collect()
+            for ids in TORQUE_RIPPLE_PARAMETERS.iter().filter(|ids| model.get(ids[0]) > 0.0) {
+                let [order, sine, cosine] = ids.map(n);
+                program.add_to("torque", &mut effects.torque, wave(order, sine, cosine));
+            }
         }
         Kind::QuadraticDrag => {
-            vec![n(Id::QuadraticDrag) * &effects.velocity * &effects.speed]
+            let drag = n(Id::QuadraticDrag) * &effects.velocity * &effects.speed;
+            program.add_to("torque", &mut effects.torque, drag);
         }
-        _ => Vec::new(),
+        // What is exported is the friction. It has no part of the rigid body, and no offset or delay of a channel.
+        Kind::TorqueOffset | Kind::UnmodelledInertia | Kind::ChannelDelay | Kind::LoadGain => {}
+        Kind::LookupTable | Kind::WarmUp => {}
     }
+    program.end_comment();
 }
 
 /// A load that raises both levels.

@@ -9,7 +9,7 @@ use super::figures::neighbours;
 use super::words::{listed, quantity};
 use super::{View, fitted};
 use compensator_core::{ParameterId as Id, TermKind};
-use friction_diagnose::cause;
+use friction_diagnose::{Gain, cause};
 use friction_fit::{Outcome, State};
 use joint_log::contract;
 use joint_log::number::significant;
@@ -65,20 +65,7 @@ fn best_model(view: &View) -> String {
             view.name(simplest)
         )
     };
-    let gain = |other: usize| {
-        let gain = view.held_out.gain(best, other);
-        // Small gains are shown with two decimals only.
-        let percent = |share: f64| match 100.0 * share {
-            small if small.abs() < 0.1 => format!("{small:.2}").replace('-', "−"),
-            other => significant(other, 2),
-        };
-        format!(
-            "by {}\u{a0}% (95\u{a0}% interval {} to {}\u{a0}%)",
-            percent(gain.value),
-            percent(gain.ci95[0]),
-            percent(gain.ci95[1])
-        )
-    };
+    let gain = |other: usize| gain_in_words(&view.held_out.gain(best, other));
     let equals = view.equals();
     if equals.is_empty() {
         return format!(
@@ -97,6 +84,17 @@ fn best_model(view: &View) -> String {
     };
     let verb = if equals.len() == 1 { "is" } else { "are" };
     format!("{against}; the difference to {} {verb} not significant, {that}.", listed(&each, 8))
+}
+
+/// Returns a gain with its interval.
+fn gain_in_words(gain: &Gain) -> String {
+    // Small gains are shown with two decimals only.
+    let percent = |share: f64| match 100.0 * share {
+        small if small.abs() < 0.1 => format!("{small:.2}").replace('-', "−"),
+        other => significant(other, 2),
+    };
+    let [low, high] = gain.ci95.map(percent);
+    format!("by {}\u{a0}% (95\u{a0}% interval {low} to {high}\u{a0}%)", percent(gain.value))
 }
 
 /// Returns the ratio of held-out to training error.
