@@ -16,6 +16,7 @@ use super::solve::Solution;
 use super::statistics::inverse_information;
 use super::streaming_qr::Reduced;
 use super::track::{Rows, Track, run_count};
+use crate::dual::Dual;
 use ParameterId as Id;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use joint_log::statistics::quantile_by_count;
@@ -149,7 +150,11 @@ impl<'a> Evidence<'a> {
         let count = solution.coordinates.len();
         let free: Vec<Id> = solution.coordinates.ids().collect();
         let covariance = covariance(&solution.reduced, solution.reduced.sum_of_squares(), time);
-        let change = change(solution, &free);
+        // d(parameter)/d(coordinate), exact to rounding: from the dual numbers of the fit, one coordinate at a time.
+        let model = AtPoint { coordinates: &solution.coordinates, point: &solution.point };
+        let dual: Vec<Parameters<Dual<1>>> =
+            (0..count).map(|at| model.parameters(at..at + 1)).collect();
+        let change = DMatrix::from_fn(count, count, |i, j| dual[j].get(free[i]).gradient[0]);
         let natural = &change * &covariance * change.transpose();
         let errors: Vec<f64> = natural.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
         let correlation = DMatrix::from_fn(count, count, |i, j| {
@@ -292,23 +297,6 @@ impl<'a> Evidence<'a> {
     fn effect(&self, index: usize) -> f64 {
         self.norm(index) / self.change[(index, index)].abs().max(f64::MIN_POSITIVE)
     }
-}
-
-/// Returns the derivatives of the parameters by the coordinates, exact to rounding: from the dual numbers of the fit, a few
-/// coordinates at a time.
-fn change(solution: &Solution, free: &[Id]) -> DMatrix<f64> {
-    const AT_ONCE: usize = 8;
-    let model = AtPoint { coordinates: &solution.coordinates, point: &solution.point };
-    let mut change = DMatrix::zeros(free.len(), free.len());
-    for from in (0..free.len()).step_by(AT_ONCE) {
-        let range = from..(from + AT_ONCE).min(free.len());
-        let dual = model.parameters::<AT_ONCE>(range.clone());
-        for (row, id) in free.iter().enumerate() {
-            let gradient = dual.get(*id).gradient;
-            range.clone().for_each(|column| change[(row, column)] = gradient[column - from]);
-        }
-    }
-    change
 }
 
 /// Returns the covariance of the coordinates for a sum of squared residuals.

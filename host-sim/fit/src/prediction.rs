@@ -122,22 +122,10 @@ fn kind(joint: JointKind) -> &'static str {
     }
 }
 
-/// Predicts the torque of every row of a log.
-///
-/// # Errors
-/// One line if the log lacks a column that the model cannot do without, or has another joint kind.
-pub fn predict_log(
-    file: &ParameterFile,
-    data: &Dataset,
-    options: &PredictionOptions,
-) -> Result<LogPrediction, PredictionError> {
-    predict_tracks(file, data, &log_tracks(file, data)?, options)
-}
-
 /// Returns the tracks of a log for [`predict_tracks`].
 ///
 /// # Errors
-/// See [`predict_log`].
+/// One line if the log lacks a column that the model cannot do without, or has another joint kind.
 pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, PredictionError> {
     if file.joint != data.joint {
         return Err(PredictionError::Joint { found: data.joint, expected: file.joint });
@@ -151,7 +139,7 @@ pub fn log_tracks(file: &ParameterFile, data: &Dataset) -> Result<Vec<Track>, Pr
     Ok(tracks_with(data, auxiliary))
 }
 
-/// Predicts as [`predict_log`] does, given the tracks of the log. So several predictions share them.
+/// Predicts the torque of every row of a log, given its tracks ([`log_tracks`]). So several predictions share them.
 ///
 /// # Errors
 /// One line if the model has a network, which the package `friction-network` predicts with.

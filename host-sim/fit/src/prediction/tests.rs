@@ -6,6 +6,14 @@ use crate::spec::Spec;
 use crate::{FitOptions, Rows, identify, message, predict, tracks};
 use joint_log::Dataset;
 
+fn predict_log(
+    file: &ParameterFile,
+    data: &Dataset,
+    options: &PredictionOptions,
+) -> Result<LogPrediction, PredictionError> {
+    predict_tracks(file, data, &log_tracks(file, data)?, options)
+}
+
 const PERIOD_S: f64 = 0.01;
 
 /// Returns a log of LuGre friction: at rest under a growing torque, then sliding to and fro.
