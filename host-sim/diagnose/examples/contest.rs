@@ -5,7 +5,7 @@
 //!     [--skip N] [--decimate N] [--motion logged]
 //! ```
 
-use friction_diagnose::contest::{EntryErrors, Figures, Outcome, RigidBody, Rows, contest};
+use friction_diagnose::contest::{Figures, Outcome, RigidBody, Rows, contest};
 use joint_log::log_check::{self, Corrections};
 use joint_log::{Dataset, ReadOptions, read};
 use rustix::time::{ClockId, clock_gettime};
@@ -86,7 +86,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn describe(outcome: &Outcome, rows: usize, seconds: [f64; 2]) -> Value {
     json!({
         "law": outcome.law,
-        "correction": outcome.correction,
+        "correction": outcome.finalists.first().map(|best| format!("{:?}", best.correction)),
         "reversed": outcome.is_reversed,
         "base_rmse": outcome.base_rmse,
         "rmse": outcome.rmse,
@@ -96,17 +96,11 @@ fn describe(outcome: &Outcome, rows: usize, seconds: [f64; 2]) -> Value {
         "floors": outcome.floors,
         "base_floors": outcome.base_floors,
         "rows": rows,
-        "blocks": outcome.blocks,
         "runs": outcome.runs,
         "hypotheses": outcome.hypotheses,
-        "entries": outcome.entries.iter().map(errors).collect::<Vec<_>>(),
         "seconds": { "read": seconds[0], "contest": seconds[1] },
         "causes": outcome.causes.iter().map(figures).collect::<Vec<_>>(),
     })
-}
-
-fn errors(entry: &EntryErrors) -> Value {
-    json!([entry.name, entry.plain, entry.least])
 }
 
 fn figures(figures: &Figures) -> Value {

@@ -28,7 +28,7 @@ use super::train_test::TrainTest;
 use super::two_positions::TwoPositions;
 use compensator_core::TermKind;
 use friction_fit::spec::SpecError;
-use friction_fit::{Metrics, Outcome, Predicted};
+use friction_fit::{Outcome, Predicted};
 use joint_log::Quantity;
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use search::{Chosen, Search};
@@ -36,26 +36,16 @@ use search::{Chosen, Search};
 /// What a diagnosis by the contest answers.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// The log with the correction of the chosen hypothesis.
-    pub log: TrainTest,
     /// What the contest has found wrong with the log.
     pub log_findings: Vec<LogFinding>,
     /// What the correction of a late channel takes.
     pub corrected: Option<Corrected>,
     /// The base model, fitted to all rows.
     pub baseline: Outcome,
-    /// The extended model; the base model if none is offered.
-    pub extended: Outcome,
-    /// Its errors on held-out rows, also if a linear model stands for it.
-    pub extended_test: Metrics,
-    /// The column that the extended model follows besides those that the core knows.
-    pub auxiliary: Option<String>,
     /// The base model on held-out rows.
     pub before: Predicted,
-    /// The extended one.
-    pub after: Predicted,
-    /// The gain.
-    pub gain: Gain,
+    /// The extended model.
+    pub extension: Extension,
     /// What was left out at a time, where nothing is set apart.
     pub left_out: Option<LeftOut>,
     /// The named causes, the most probable first.
@@ -104,20 +94,14 @@ pub fn answer(
     hand_over.linear_extends = hand_over.on_pc == HandedOver::Linear && !findings.is_empty();
     let reversed = outcome.is_reversed.then(|| reversed_torque(&log));
     let log_findings = reversed.into_iter().chain(chosen.corrected.findings.clone()).collect();
-    let Extension { log, outcome: extended, test, auxiliary, after, gain } =
-        models.extension(judged, &hand_over, options.seed);
+    let extension = models.extension(judged, &hand_over, options.seed);
     Ok(Answer {
         corrected: chosen.corrected.late,
         log_findings,
-        left_out: log.leaves_each_out.then(|| unit(&log)),
-        log,
+        left_out: judged.leaves_each_out.then(|| unit(judged)),
         baseline: models.baseline,
-        extended,
-        extended_test: test,
-        auxiliary,
         before: models.before,
-        after,
-        gain,
+        extension,
         findings,
         weighed,
         hand_over,
@@ -217,16 +201,18 @@ fn models(
 }
 
 /// The extended model as it is reported; the base model if none is offered.
-struct Extension {
-    /// The log, following what the model follows.
-    log: TrainTest,
-    outcome: Outcome,
-    /// Its errors on held-out rows, also if a linear model stands for it.
-    test: Metrics,
+#[derive(Clone, Debug)]
+pub struct Extension {
+    /// The log with the correction of the chosen hypothesis, following what the model follows.
+    pub log: TrainTest,
+    /// The model.
+    pub outcome: Outcome,
     /// The column that it follows besides those that the core knows.
-    auxiliary: Option<String>,
-    after: Predicted,
-    gain: Gain,
+    pub auxiliary: Option<String>,
+    /// Its rows that are held out, or those of a linear model that stands for it.
+    pub after: Predicted,
+    /// The gain.
+    pub gain: Gain,
 }
 
 impl Models {
@@ -253,17 +239,17 @@ impl Models {
         let follows = offer.as_ref().and_then(|offer| offer.model.follows.clone());
         let follows = follows.filter(|follows| follows.extra);
         let log = judged.following(follows.as_ref()).into_owned();
-        let (outcome, mut after, mut gain) = match offer {
+        let (mut outcome, mut after, mut gain) = match offer {
             Some(Offer { outcome, after, gain, .. }) => (outcome, after, gain),
             None => (self.baseline.clone(), self.before.clone(), Gain::default()),
         };
-        let test = after.metrics;
+        outcome.test = after.metrics;
         if let Some(linear) = hand_over.extending() {
             after = linear.held_out.clone();
             gain = Gain::between(&self.before, &after, seed);
         }
         let auxiliary = follows.map(|follows| follows.column);
-        Extension { log, outcome, test, auxiliary, after, gain }
+        Extension { log, outcome, auxiliary, after, gain }
     }
 }
 

@@ -19,8 +19,7 @@ mod without_term;
 
 use super::candidate::{Candidate, FitContext};
 use super::evidence::Evidence;
-use super::extended::{Extended, Size};
-use super::finding::WaveOrder;
+use super::extended::{Extended, Size, WaveOrder};
 use super::train_test::TrainTest;
 use compensator_core::{ParameterId, TermKind};
 use std::fmt;
@@ -61,11 +60,6 @@ pub fn of_term(term: TermKind) -> Option<&'static Cause> {
 /// Returns the cause of this name.
 pub fn named(name: &str) -> Option<&'static Cause> {
     ALL.iter().find(|cause| cause.name == name)
-}
-
-/// Returns the causes that act through a parameter of a law.
-pub fn acting_through(id: ParameterId) -> impl Iterator<Item = &'static Cause> {
-    ALL.iter().filter(move |cause| cause.acts_on.contains(&id))
 }
 
 /// The friction levels of a law, in both directions.
@@ -292,8 +286,10 @@ mod tests {
     }
 
     #[test]
-    fn acting_through_returns_causes_of_parameter() {
-        let through = |id| acting_through(id).map(|cause| cause.name()).collect::<Vec<_>>();
+    fn acts_on_names_the_parameters_of_a_cause() {
+        let through = |id: ParameterId| -> Vec<&str> {
+            ALL.iter().filter(|cause| cause.acts_on().contains(&id)).map(Cause::name).collect()
+        };
         assert_eq!(
             through(ParameterId::ViscousFriction),
             ["temperature-viscous", "quadratic-drag"]

@@ -44,6 +44,6 @@ pub use law::LawStart;
 pub(crate) use law::SMALLEST_LEVEL;
 pub use linear::LinearAnswer;
 pub(crate) use linear::plain;
-pub use outcome::{EntryErrors, Figures, Outcome};
+pub use outcome::{Figures, Outcome};
 pub use rows::{RigidBody, Rows};
 pub use run::contest;

@@ -8,7 +8,8 @@ use compensator_core::term::LookupFormula;
 use friction_fit::params::unit;
 use friction_fit::{Estimate, Outcome};
 use joint_log::JointKind;
-use joint_log::number::figure;
+use joint_log::number::{figure, significant, with_error};
+use std::f64::consts::TAU;
 
 /// Standard errors on either side that hold 95 %.
 const NINETY_FIVE: f64 = 1.96;
@@ -130,9 +131,46 @@ impl Extended<'_> {
     }
 }
 
+/// Order of a periodic cause: its phase over the position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WaveOrder {
+    /// The order: waves a turn, or rad/m.
+    pub value: f64,
+    /// Its standard error.
+    pub std_error: f64,
+}
+
+impl WaveOrder {
+    /// Returns the order with two standard errors. A joint that slides has no turn, and gets the length of a wave.
+    pub fn in_words(self, joint: JointKind) -> String {
+        let (order, reach) = (self.value, 2.0 * self.std_error);
+        let with_reach = |value: f64, reach: f64| match reach > 0.0 {
+            true => with_error(value, reach),
+            false if value.fract() == 0.0 => format!("{value:.0}"),
+            false => significant(value, 4),
+        };
+        match joint {
+            JointKind::Revolute => format!("{} a turn", with_reach(order, reach)),
+            JointKind::Prismatic => {
+                let length = TAU / order;
+                format!("one wave in {} m", with_reach(length, length * reach / order))
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn order_in_words_names_turns_or_the_length_of_a_wave() {
+        let words = |value, std_error, joint| WaveOrder { value, std_error }.in_words(joint);
+        assert_eq!(words(8.0, 0.0, JointKind::Revolute), "8 a turn");
+        assert_eq!(words(202.13, 0.11, JointKind::Revolute), "202.13 ± 0.22 a turn");
+        let slides = words(TAU / 0.02, TAU / 2.0, JointKind::Prismatic);
+        assert_eq!(slides, "one wave in 0.02000 ± 0.00040 m");
+    }
 
     #[test]
     fn ci95_of_any_size_holds_its_value_and_has_a_width() {

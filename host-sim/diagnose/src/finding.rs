@@ -3,10 +3,9 @@
 use super::cause::Cause;
 use super::evaluation::Gain;
 use super::evidence::Evidence;
-use super::extended::Size;
+use super::extended::{Size, WaveOrder};
 use joint_log::JointKind;
-use joint_log::number::{significant, with_error};
-use std::f64::consts::TAU;
+use joint_log::number::significant;
 
 /// A cause that this log cannot distinguish from a finding.
 #[derive(Clone, Debug)]
@@ -17,34 +16,6 @@ pub struct ConfoundedCause {
     pub columns: Vec<String>,
     /// Share of the finding's effect that it also explains.
     pub share: f64,
-}
-
-/// Order of a periodic cause: its phase over the position.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WaveOrder {
-    /// The order: waves a turn, or rad/m.
-    pub value: f64,
-    /// Its standard error.
-    pub std_error: f64,
-}
-
-impl WaveOrder {
-    /// Returns the order with two standard errors. A joint that slides has no turn, and gets the length of a wave.
-    fn in_words(self, joint: JointKind) -> String {
-        let (order, reach) = (self.value, 2.0 * self.std_error);
-        let with_reach = |value: f64, reach: f64| match reach > 0.0 {
-            true => with_error(value, reach),
-            false if value.fract() == 0.0 => format!("{value:.0}"),
-            false => significant(value, 4),
-        };
-        match joint {
-            JointKind::Revolute => format!("{} a turn", with_reach(order, reach)),
-            JointKind::Prismatic => {
-                let length = TAU / order;
-                format!("one wave in {} m", with_reach(length, length * reach / order))
-            }
-        }
-    }
 }
 
 /// One cause of the base model's error.
@@ -130,15 +101,6 @@ pub fn probability_in_words(probability: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn order_in_words_names_turns_or_the_length_of_a_wave() {
-        let words = |value, std_error, joint| WaveOrder { value, std_error }.in_words(joint);
-        assert_eq!(words(8.0, 0.0, JointKind::Revolute), "8 a turn");
-        assert_eq!(words(202.13, 0.11, JointKind::Revolute), "202.13 ± 0.22 a turn");
-        let slides = words(TAU / 0.02, TAU / 2.0, JointKind::Prismatic);
-        assert_eq!(slides, "one wave in 0.02000 ± 0.00040 m");
-    }
 
     #[test]
     fn probability_in_words_is_never_certainty() {

@@ -99,8 +99,8 @@ mod fixtures;
 // The causes and what is handed over.
 pub use cause::{Cause, Remedy};
 pub use evidence::{Evidence, Plane, PlaneAxis, ResidualView, Spacing};
-pub use extended::Size;
-pub use finding::{ConfoundedCause, Finding, WaveOrder, probability_in_words};
+pub use extended::{Size, WaveOrder};
+pub use finding::{ConfoundedCause, Finding, probability_in_words};
 pub use hand_over::{HandOver, HandedOver};
 pub use leading_fault::Corrected;
 pub use naming::{NAMED, WeighedCause};
@@ -111,10 +111,11 @@ pub use rules::{Rejection, Rule};
 pub use ceiling::Ceiling;
 pub use evaluation::Gain;
 pub use left_out::LeftOut;
-pub use regime::Share;
+pub use regime::{ColumnShares, Share};
 pub use thresholds::{NEGLIGIBLE, STRUCTURE};
 pub use train_test::TrainTest;
 
+use by_contest::Extension;
 use compensator_core::term::TORQUE_RIPPLE_PARAMETERS;
 use compensator_core::{ParameterId, Parameters, TermKind};
 use friction_fit::clock::Instant;
@@ -123,7 +124,6 @@ use friction_fit::{Loss, Outcome, Predicted, autocorrelation_time, predict};
 use joint_log::log_check::{LogFinding, LogFindingKind};
 use joint_log::{Dataset, Split};
 use two_positions::TwoPositions;
-use unexplained::Unexplained;
 
 /// Options of a diagnosis.
 #[derive(Clone, Debug, Default)]
@@ -180,7 +180,7 @@ pub struct Diagnosis {
     /// In which direction.
     pub by_direction: Vec<Share>,
     /// By thirds of every column, and by run.
-    pub by_column: Vec<(String, Vec<Share>)>,
+    pub by_column: Vec<ColumnShares>,
     /// The causes of the contest with their probabilities: those of the best hypothesis first.
     pub candidates: Vec<WeighedCause>,
     /// Name of the covariate in the auxiliary column, if the extended model follows one.
@@ -201,8 +201,28 @@ impl Diagnosis {
 
     /// Returns the fault of the log that explains most of the error, if one does.
     pub fn leading_fault(&self) -> Option<&LogFinding> {
-        let most = most_of_causes(&self.findings);
+        let gains = self.findings.iter().map(|finding| finding.gain.value);
+        let most = gains.fold(0.0, f64::max);
         leading_fault::leading_fault(&self.log_findings, &self.after.metrics, self.corrected, most)
+    }
+
+    /// Adds the finding of structure that no cause explains, if there is no other.
+    fn add_unexplained(&mut self, seed: u64) {
+        let has_structure =
+            self.unexplained_memory_rows > 0.0 && self.after.metrics.nrmse_std > NEGLIGIBLE;
+        if self.findings.is_empty() && has_structure {
+            let cause = cause::named("unknown");
+            self.findings.extend(cause.map(|cause| unexplained::unexplained(cause, self, seed)));
+        }
+    }
+
+    /// Limits the probabilities of findings beside a fault of the log that explains the error as well.
+    fn limit_probabilities(&mut self) {
+        if self.leading_fault().is_some_and(|fault| !fault.corrected) {
+            for finding in &mut self.findings {
+                finding.probability = finding.probability.min(leading_fault::UNDECIDED);
+            }
+        }
     }
 
     /// Returns the name of the extended model, or `None` if the base model is not extended.
@@ -273,76 +293,48 @@ pub fn diagnose(
         None => (None, None),
     };
     let answer = by_contest::answer(&log, question, positions.as_ref(), progress)?;
-    let by_contest::Answer { mut log, mut baseline, mut extended, before, after, .. } = answer;
+    let by_contest::Answer { mut baseline, before, extension, .. } = answer;
+    let Extension { mut log, outcome: extended, auxiliary, after, gain } = extension;
     baseline.test = before.metrics;
-    extended.test = answer.extended_test;
-    let Floors { noise_floor, coloured } = floors(&log, &after);
-    let unexplained_memory_rows = unexplained_memory_rows(&after, noise_floor);
-    let noise_floor = evaluation::lower_floor(noise_floor, &log.test_tracks, &after).max(coloured);
+    let coloured = evaluation::coloured_floor(&log.test_tracks, &after);
+    let floor = evaluation::noise_floor(&log.test_tracks, log.decimate).max(coloured);
     let mut findings = answer.findings;
     if let Some(positions) = &positions {
         positions.add_to(&mut findings);
         log.notes.extend(positions.note());
     }
     log.notes.extend(unfit.map(|why| why.to_string()));
-    if findings.is_empty() && unexplained_memory_rows > 0.0 && after.metrics.nrmse_std > NEGLIGIBLE
-    {
-        let (after, log, seed) = (&after, &log, question.seed);
-        let rest = Unexplained { after, noise_floor, times_floor: STRUCTURE, log, seed };
-        findings
-            .extend(cause::named("unknown").map(|cause| unexplained::unexplained(cause, &rest)));
-    }
-    let log_findings: Vec<LogFinding> =
-        question.log_findings.iter().cloned().chain(answer.log_findings).collect();
-    limit_probabilities(&mut findings, &log_findings, &after, answer.corrected);
     progress("fitting a flexible model");
     let ceiling = ceiling_of(&log, answer.left_out, &after, &extended);
     let (tracks, resolution) = (&log.test_tracks, baseline.resolution);
     let at = sensitivities::sensitivities(&baseline.parameters, &[], tracks, resolution);
-    Ok(Diagnosis {
-        log_findings,
+    let mut found = Diagnosis {
+        log_findings: question.log_findings.iter().cloned().chain(answer.log_findings).collect(),
         corrected: answer.corrected,
-        noise_floor,
+        noise_floor: evaluation::lower_floor(floor, tracks, &after).max(coloured),
         ceiling,
-        by_regime: regime::by_regime(&log.test_tracks, &at),
-        by_direction: regime::by_direction(&log.test_tracks, &at),
+        by_regime: regime::by_regime(tracks, &at),
+        by_direction: regime::by_direction(tracks, &at),
         by_column: regime::by_column(&log, &at),
         candidates: answer.weighed,
-        auxiliary: answer.auxiliary,
+        auxiliary,
         left_out: answer.left_out,
+        unexplained_memory_rows: unexplained_memory_rows(&after, floor),
         log,
         baseline,
         extended,
         before,
         after,
         findings,
-        gain: answer.gain,
+        gain,
         hand_over: answer.hand_over,
         rigid_body_hint: answer.rigid_body_hint,
-        unexplained_memory_rows,
-        seconds: begin.elapsed().as_secs_f64(),
-    })
-}
-
-/// Limits the probabilities of findings beside a fault of the log that explains the error as well.
-fn limit_probabilities(
-    findings: &mut [Finding],
-    log: &[LogFinding],
-    after: &Predicted,
-    corrected: Option<Corrected>,
-) {
-    let most = most_of_causes(findings);
-    let fault = leading_fault::leading_fault(log, &after.metrics, corrected, most);
-    if fault.is_some_and(|fault| !fault.corrected) {
-        for finding in findings {
-            finding.probability = finding.probability.min(leading_fault::UNDECIDED);
-        }
-    }
-}
-
-/// Returns the largest share of the error that a cause takes.
-fn most_of_causes(findings: &[Finding]) -> f64 {
-    findings.iter().map(|finding| finding.gain.value).fold(0.0, f64::max)
+        seconds: 0.0,
+    };
+    found.add_unexplained(question.seed);
+    found.limit_probabilities();
+    found.seconds = begin.elapsed().as_secs_f64();
+    Ok(found)
 }
 
 /// Returns what a flexible model leaves of the extended model's error.
@@ -355,18 +347,6 @@ fn ceiling_of(
     let on_training = || predict(&model.parameters, log.train_rows(), model.resolution);
     let trained = left_out.is_none().then(on_training);
     Ceiling::new(log, left_out, after, trained.as_ref())
-}
-
-/// Errors that no model of the joint can avoid, Nm.
-struct Floors {
-    noise_floor: f64,
-    coloured: f64,
-}
-
-fn floors(log: &TrainTest, after: &Predicted) -> Floors {
-    let coloured = evaluation::coloured_floor(&log.test_tracks, after);
-    let noise_floor = evaluation::noise_floor(&log.test_tracks, log.decimate).max(coloured);
-    Floors { noise_floor, coloured }
 }
 
 /// Returns the autocorrelation time of the residual in rows if it is more than noise, else 0.

@@ -9,6 +9,7 @@ use super::contest_calibration::ContestCalibration;
 use super::extended::Size;
 use super::finding::ConfoundedCause;
 use super::rules::{self, Rejection};
+use joint_log::statistics::extent;
 use std::f64::consts::TAU;
 
 /// Probability at and above which a cause is named.
@@ -111,11 +112,8 @@ pub fn weigh(outcome: &Outcome, rows: &Rows) -> Vec<WeighedCause> {
 /// Returns how many periods of the slowest wave of a ripple the positions span; `None` for another cause.
 fn periods(figures: &Figures, rows: &Rows) -> Option<f64> {
     let order = figures.detail.orders().iter().copied().reduce(f64::min)?;
-    let ends = rows
-        .position
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(*q), b.max(*q)));
-    Some(order * (ends.1 - ends.0) / TAU)
+    let [low, high] = extent(rows.position.iter().copied());
+    Some(order * (high - low) / TAU)
 }
 
 /// Returns the causes that stand in for one of them.

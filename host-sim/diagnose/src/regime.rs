@@ -66,6 +66,15 @@ pub struct Share {
     pub mean: f64,
 }
 
+/// Shares of the squared error over a column.
+#[derive(Clone, Debug)]
+pub struct ColumnShares {
+    /// Name of the column, or `run`.
+    pub column: String,
+    /// The lowest, middle and highest third of its values, or each run.
+    pub parts: Vec<Share>,
+}
+
 /// Returns the regime of every row of a track.
 ///
 /// `bristle` is the signed share of the level that the bristles hold. `presliding` is the
@@ -170,7 +179,7 @@ pub fn shares<P>(
 /// column.
 ///
 /// Each column that varies is divided into its lowest, middle and highest third.
-pub fn by_column(log: &TrainTest, at: &Sensitivities) -> Vec<(String, Vec<Share>)> {
+pub fn by_column(log: &TrainTest, at: &Sensitivities) -> Vec<ColumnShares> {
     type Read<'a> = Box<dyn Fn(usize, usize) -> f64 + 'a>;
     let tracks = &log.test_tracks;
     let sample = |track: usize, row: usize| &tracks[track].samples[row];
@@ -192,11 +201,12 @@ pub fn by_column(log: &TrainTest, at: &Sensitivities) -> Vec<(String, Vec<Share>
         let read = move |t: usize, r: usize| tracks[t].covariates[*index][r];
         columns.push((log.test.covariates[*index].clone(), Box::new(read)));
     }
-    let mut all: Vec<(String, Vec<Share>)> =
-        columns.into_iter().map(|(name, read)| (name, thirds(tracks, at, read))).collect();
+    let of_column = |(column, read)| ColumnShares { column, parts: thirds(tracks, at, read) };
+    let mut all: Vec<ColumnShares> = columns.into_iter().map(of_column).collect();
     let runs: Vec<(String, usize)> =
         log.test.runs.iter().enumerate().map(|(at, run)| (run.name.clone(), at)).collect();
-    all.push(("run".into(), shares(tracks, at, &runs, |t, _, run| tracks[t].run == *run)));
+    let parts = shares(tracks, at, &runs, |t, _, run| tracks[t].run == *run);
+    all.push(ColumnShares { column: "run".into(), parts });
     all
 }
 

@@ -4,7 +4,7 @@
 //! `diagnosis.json` lists the rules that acted under `decisions`.
 
 /// A hard rule.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Rule {
     /// Name of the rule in `diagnosis.json`.
     pub name: &'static str,
@@ -12,12 +12,6 @@ pub struct Rule {
     pub limit: f64,
     /// What the limit is and why it has its value.
     pub reason: &'static str,
-}
-
-impl PartialEq for Rule {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
-    }
 }
 
 /// A log must show a wave more than once.

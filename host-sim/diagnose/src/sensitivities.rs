@@ -36,19 +36,17 @@ pub struct Sensitivities {
 pub struct TrackSensitivities {
     /// Simulated torque after the low-pass of the torque channel, Nm.
     pub torque: Vec<f64>,
-    /// Simulated torque at the shaft, Nm. `added`, `level` and `viscous` also refer to the shaft.
-    pub shaft_torque: Vec<f64>,
     /// Measured minus simulated torque, Nm, times the square root of the row's weight.
     pub residual: Vec<f64>,
     /// Signed share of the level that the bristles hold; 0 for a law without bristles.
     pub bristle: Vec<f64>,
     /// Derivative of the torque by each free parameter.
     pub jacobian: Vec<Vec<f64>>,
-    /// Change of the torque if both levels rise by 1 Nm.
+    /// Change of the torque at the shaft if both levels rise by 1 Nm.
     pub added: Vec<f64>,
-    /// Change of the torque per `x` if the level is scaled by `1 + x`, Nm.
+    /// Change of the torque at the shaft per `x` if the level is scaled by `1 + x`, Nm.
     pub level: Vec<f64>,
-    /// Viscous part of the torque, Nm.
+    /// Viscous part of the torque at the shaft, Nm.
     pub viscous: Vec<f64>,
     /// Torque that the bristles held at the start, Nm, if it had to be estimated.
     pub held: Option<f64>,
@@ -122,7 +120,6 @@ fn along(
     let rows = track.len();
     let mut out = TrackSensitivities {
         torque: Vec::with_capacity(rows),
-        shaft_torque: Vec::with_capacity(rows),
         residual: Vec::with_capacity(rows),
         bristle: Vec::with_capacity(rows),
         jacobian: vec![Vec::with_capacity(rows); free.len()],
@@ -139,7 +136,6 @@ fn along(
     simulation.run(model, &start, |GradientRow { row, torque, bristle, gradient }| {
         let shown = channel.as_mut().map_or(torque, |channel| channel.filter(row, torque));
         out.torque.push(shown);
-        out.shaft_torque.push(torque);
         out.residual.push(track.weight(row).sqrt() * (track.torque[row] - shown));
         out.bristle.push(if bristles { bristle / level_now } else { 0.0 });
         for (column, g) in out.jacobian.iter_mut().zip(gradient) {

@@ -4,37 +4,22 @@ use super::cause::Cause;
 use super::evaluation::resampled_errors;
 use super::extended::Size;
 use super::finding::Finding;
-use super::train_test::TrainTest;
+use super::{Diagnosis, STRUCTURE};
 use friction_fit::Predicted;
 use joint_log::number::figure;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// What is left when no cause passed, and is more than noise.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Unexplained<'a> {
-    /// The model on the held-out rows.
-    pub after: &'a Predicted,
-    /// Error the torque's noise alone would make, Nm.
-    pub noise_floor: f64,
-    /// An error so many times the noise floor is structure.
-    pub times_floor: f64,
-    /// The log.
-    pub log: &'a TrainTest,
-    /// For what is drawn at random.
-    pub seed: u64,
-}
-
 /// Returns the finding of structure that follows no column.
 ///
-/// Its size is the error above the noise floor. The interval comes from resampled blocks of rows.
-pub(crate) fn unexplained(cause: &'static Cause, rest: &Unexplained) -> Finding {
-    let Unexplained { after, noise_floor, .. } = *rest;
+/// Its size is the error above the noise floor. The interval comes from resampled blocks of rows, drawn with `seed`.
+pub(crate) fn unexplained(cause: &'static Cause, found: &Diagnosis, seed: u64) -> Finding {
+    let (after, noise_floor) = (&found.after, found.noise_floor);
     let rmse = after.metrics.rmse;
     let beyond = |rmse: f64| (rmse * rmse - noise_floor * noise_floor).max(0.0).sqrt();
-    let drawn: Vec<f64> = resampled_errors(after, rest.seed).into_iter().map(beyond).collect();
-    let least = beyond(rest.times_floor * noise_floor);
+    let drawn: Vec<f64> = resampled_errors(after, seed).into_iter().map(beyond).collect();
+    let least = beyond(STRUCTURE * noise_floor);
     let stability = drawn.iter().filter(|size| **size > least).count() as f64 / drawn.len() as f64;
-    let unit = rest.log.train.joint.torque_unit();
+    let unit = found.log.train.joint.torque_unit();
     let tail = drawn.len() / 40;
     let interval = [drawn[tail], drawn[drawn.len() - 1 - tail]];
     let size = Size::with_interval(beyond(rmse), interval, unit);

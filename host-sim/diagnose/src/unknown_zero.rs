@@ -22,6 +22,7 @@ use super::model::FittedModel;
 use super::sensitivities::sensitivities;
 use super::train_test::TrainTest;
 use compensator_core::TermKind;
+use joint_log::statistics::extent;
 use joint_log::{Dataset, JointKind, Quantity, Run};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
@@ -143,10 +144,8 @@ fn fall(by_run: &[Rows], order: f64) -> ErrorReduction {
 /// Returns the error reduction of a wave on other rows, compared with the mean. Both are fitted to
 /// `seen`. Returns 0 if `seen` contains too few periods.
 fn unseen(seen: &[(f64, f64)], other: &[(f64, f64)], order: f64) -> f64 {
-    let ends = seen.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (q, _)| {
-        (f64::min(low, *q), f64::max(high, *q))
-    });
-    let periods = order * (ends.1 - ends.0) / std::f64::consts::TAU;
+    let [low, high] = extent(seen.iter().map(|(q, _)| *q));
+    let periods = order * (high - low) / std::f64::consts::TAU;
     let Some([constant, sine, cosine]) = wave(seen, order).filter(|_| periods >= LEAST_PERIODS)
     else {
         return 0.0;

@@ -324,22 +324,15 @@ pub fn document(
     about["calibration"] = json!(ContestCalibration::current().name);
     about["naming_threshold"] = json!(NAMED);
     about["left_out"] = json!(left_out(found));
-    let mut extended = model(&found.extended, data);
-    of_linear(&mut extended, found);
-    extended.insert("gain".into(), json!(finite(found.gain.value)));
-    extended.insert("gain_ci95".into(), json!(found.gain.ci95.map(finite)));
-    if let Some(auxiliary) = &found.auxiliary {
-        extended.insert("auxiliary".into(), json!(auxiliary));
-    }
     let mut document = json!({
         "schema": 1,
         "data": about,
-        "log": found.log_findings.iter().map(|finding| log_finding(finding, found)).collect::<Vec<_>>(),
+        "log": listed(&found.log_findings, |finding| log_finding(finding, found)),
         "leading_fault": found.leading_fault().map(|fault| fault.kind.name()),
         "baseline": model(&found.baseline, data),
         "cause": found.cause(),
-        "findings": found.findings.iter().map(finding).collect::<Vec<_>>(),
-        "extended": extended,
+        "findings": listed(&found.findings, finding),
+        "extended": extended(found, data),
         "plain": { "test_rmse": finite(found.hand_over.plain.held_out.metrics.rmse) },
         "handed_over": found.hand_over.on_pc.name(),
         "driver": {
@@ -355,16 +348,8 @@ pub fn document(
         (EXTENSION): stochastic.json(),
         "next_experiment": summary::next_experiment(found),
         "story": summary::summary(found),
-        "residual": {
-            "by_regime": found.by_regime.iter().map(share).collect::<Vec<_>>(),
-            "by_direction": found.by_direction.iter().map(share).collect::<Vec<_>>(),
-            "by_column": found
-                .by_column
-                .iter()
-                .map(|(name, parts)| (name.clone(), parts.iter().map(share).collect::<Vec<_>>().into()))
-                .collect::<Map<String, Value>>(),
-        },
-        "candidates": ranking(found).iter().map(candidate).collect::<Vec<_>>(),
+        "residual": residual(found),
+        "candidates": listed(&ranking(found), candidate),
         "decisions": found.candidates.iter().filter_map(decision).collect::<Vec<_>>(),
         "notes": found.log.notes,
         "seconds": finite(found.seconds),
@@ -375,4 +360,33 @@ pub fn document(
         keys.shift_remove(EXTENSION);
     }
     document
+}
+
+/// Returns the values of a list.
+fn listed<'a, T>(list: &'a [T], value: impl Fn(&'a T) -> Value) -> Value {
+    list.iter().map(value).collect()
+}
+
+/// Returns the extended model with its gain.
+fn extended(found: &Diagnosis, data: &Dataset) -> Map<String, Value> {
+    let mut extended = model(&found.extended, data);
+    of_linear(&mut extended, found);
+    extended.insert("gain".into(), json!(finite(found.gain.value)));
+    extended.insert("gain_ci95".into(), json!(found.gain.ci95.map(finite)));
+    if let Some(auxiliary) = &found.auxiliary {
+        extended.insert("auxiliary".into(), json!(auxiliary));
+    }
+    extended
+}
+
+/// Returns the shares of the squared error.
+fn residual(found: &Diagnosis) -> Value {
+    let by_column = found.by_column.iter();
+    let by_column: Map<String, Value> =
+        by_column.map(|of| (of.column.clone(), listed(&of.parts, share))).collect();
+    json!({
+        "by_regime": listed(&found.by_regime, share),
+        "by_direction": listed(&found.by_direction, share),
+        "by_column": by_column,
+    })
 }

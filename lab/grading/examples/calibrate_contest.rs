@@ -14,6 +14,7 @@
 use clap::Parser;
 use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_grading::calibration_fit::{Case, fit, out_of_fold, probabilities_out_of_fold};
+use friction_grading::calibration_tables;
 use friction_grading::contest_figures::{self, FigureRow, LOG_GROUPS};
 use friction_grading::contest_verdicts::Grades;
 use friction_grading::evidence_table::{EvidenceRow, parse};
@@ -108,7 +109,8 @@ fn main() -> Result<(), String> {
     }
     let path =
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/diagnose/contest_calibration.toml");
-    std::fs::write(path, calibration.emit()).map_err(|e| format!("{path}: {e}"))
+    std::fs::write(path, calibration_tables::of_contest(&calibration))
+        .map_err(|e| format!("{path}: {e}"))
 }
 
 fn evidence(paths: &[PathBuf]) -> Result<Vec<EvidenceRow>, String> {

@@ -4,7 +4,7 @@
 //! largest coefficient of variation. The *calibrated* rule names the parameter whose permitted spread grew most relative to a
 //! scenario without a hidden effect, or none.
 //!
-//! A rule is right if a hidden cause acts through its parameter (`cause::acting_through`), or if it names none in a scenario
+//! A rule is right if a hidden cause acts through its parameter (`Cause::acts_on`), or if it names none in a scenario
 //! without an effect. The constant answer *coulomb_torque* is the reference for guessing.
 //!
 //! `cargo run --release -p friction-grading --example stochastic_benchmark [WORLDS PER KIND] [SEED OF THE WORLDS] [SEED OF
@@ -43,7 +43,7 @@ fn is_right(scenario: &Scenario, kind: Kind, named: Option<Id>) -> bool {
     let hidden = scenario.truth.hidden.iter().map(|hidden| hidden.cause);
     // If the data cannot distinguish two causes, both count as right.
     let twins = scenario.truth.confusable_with.iter().copied();
-    let points_at = |name| cause::acting_through(id).any(|cause| cause.name() == name);
+    let points_at = |name| cause::named(name).is_some_and(|cause| cause.acts_on().contains(&id));
     hidden.chain(twins).any(points_at)
 }
 

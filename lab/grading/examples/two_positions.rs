@@ -10,6 +10,7 @@
 
 use clap::Parser;
 use friction_diagnose::two_positions::FIGURES;
+use friction_grading::calibration_tables;
 use friction_grading::gear_play::{PlayCase, cases, fit, table};
 
 /// Grades or calibrates.
@@ -50,7 +51,8 @@ fn main() -> Result<(), String> {
         std::fs::write(&path, text).map_err(|e| format!("{path}: {e}"))
     };
     if arguments.calibrate {
-        return write("../../host-sim/diagnose/play_calibration.toml", &fit(&cases).emit());
+        let table = calibration_tables::of_play(&fit(&cases));
+        return write("../../host-sim/diagnose/play_calibration.toml", &table);
     }
     let text = table(arguments.seed, &cases);
     println!("{text}");

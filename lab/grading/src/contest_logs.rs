@@ -152,8 +152,10 @@ impl KnownLog {
     }
 
     fn rows(&self, outcome: &Outcome) -> Vec<EvidenceRow> {
+        let best = outcome.finalists.first();
+        let correction = best.map(|best| best.correction).unwrap_or_default();
         let row = |cause: &str| EvidenceRow {
-            law: format!("{}, {}", outcome.law, outcome.correction),
+            law: format!("{}, {correction:?}", outcome.law),
             floors: outcome.floors,
             rmse: [outcome.base_rmse, outcome.rmse],
             ..self.row(cause)

@@ -7,6 +7,7 @@
 mod boosting;
 pub mod calibrated_rule;
 pub mod calibration_fit;
+pub mod calibration_tables;
 mod cause_regressors;
 pub mod contest;
 pub mod contest_figures;

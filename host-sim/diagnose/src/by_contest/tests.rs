@@ -27,13 +27,13 @@ fn answer_to_pressure_names_it_alone_with_size_and_gain() {
     // The temperature follows the pressure in part.
     assert_eq!(names(&found), ["pressure-coulomb"]);
     assert_eq!(found.findings[0].columns, ["pressure_diff_pa"]);
-    assert!(found.extended.spec.terms.contains(&TermKind::PressureCoulomb));
+    assert!(found.extension.outcome.spec.terms.contains(&TermKind::PressureCoulomb));
     // 0.5 Nm for each MPa.
-    let size = found.extended.parameters.get(Id::PressureCoulomb);
+    let size = found.extension.outcome.parameters.get(Id::PressureCoulomb);
     assert!((size / 0.5e-6 - 1.0).abs() < 0.1, "{size}");
-    let rmse = [found.before.metrics.rmse, found.after.metrics.rmse];
-    assert!((found.gain.value - (1.0 - rmse[1] / rmse[0])).abs() < 1e-9, "{rmse:?}");
-    assert!(found.gain.ci95[0] > 0.5, "{:?}", found.gain);
+    let rmse = [found.before.metrics.rmse, found.extension.after.metrics.rmse];
+    assert!((found.extension.gain.value - (1.0 - rmse[1] / rmse[0])).abs() < 1e-9, "{rmse:?}");
+    assert!(found.extension.gain.ci95[0] > 0.5, "{:?}", found.extension.gain);
     assert_eq!(found.left_out, Some(LeftOut::Runs));
     assert!(found.weighed[0].is_named() && found.weighed[0].reason().is_empty());
 }
@@ -73,8 +73,8 @@ fn answer_to_torque_offset_in_sliding_reports_asymmetry_as_indistinguishable() {
 fn answer_to_plain_friction_offers_nothing() {
     let found = answer_to(linear_torque);
     assert!(found.findings.is_empty(), "{:?}", found.findings);
-    assert_eq!(found.gain, Gain::default());
-    assert_eq!(found.extended.spec, found.baseline.spec);
+    assert_eq!(found.extension.gain, Gain::default());
+    assert_eq!(found.extension.outcome.spec, found.baseline.spec);
     assert_eq!(found.baseline.spec, Spec::law(LawKind::Linear));
     let value = |id| found.baseline.parameters.get(id);
     assert!((value(Id::CoulombTorque) - 1.0).abs() < 0.02, "{}", value(Id::CoulombTorque));
@@ -106,9 +106,9 @@ fn answer_with_cause_absent_from_held_out_runs_offers_nothing() {
         linear_torque(row) + slope * (row.temperature_c - 30.0) * row.direction()
     };
     let found = answer_of(HandMadeLog::new(early).train_test_without(&[4, 5]));
-    assert_eq!((found.gain, found.left_out), (Gain::default(), None));
-    assert_eq!(found.extended.spec, found.baseline.spec);
-    assert_eq!(found.before.metrics, found.after.metrics);
+    assert_eq!((found.extension.gain, found.left_out), (Gain::default(), None));
+    assert_eq!(found.extension.outcome.spec, found.baseline.spec);
+    assert_eq!(found.before.metrics, found.extension.after.metrics);
 }
 
 #[test]
@@ -129,7 +129,8 @@ fn answer_with_given_model_judges_it_as_it_is() {
     let given = Some((model.spec, parameters.clone()));
     let options = DiagnosisOptions { given, ..DiagnosisOptions::default() };
     let found = answer(&log, &options, None, &|_| {}).expect("few terms");
-    let given = predict(&parameters, found.log.test_rows(), found.baseline.resolution).metrics;
+    let given =
+        predict(&parameters, found.extension.log.test_rows(), found.baseline.resolution).metrics;
     let rmse = found.before.metrics.rmse;
     assert!((rmse / given.rmse - 1.0).abs() < 1e-9, "{rmse} {}", given.rmse);
     assert_eq!(found.baseline.parameters.get(Id::CoulombTorque), 0.5);

@@ -10,8 +10,7 @@
 use super::{Cause, LEVELS, Remedy};
 use crate::candidate::{Candidate, InitialGuess, Regressor, row};
 use crate::evidence::{Evidence, Plane, PlaneAxis, ResidualView};
-use crate::extended::Extended;
-use crate::finding::WaveOrder;
+use crate::extended::{Extended, WaveOrder};
 use compensator_core::term::{TORQUE_RIPPLE_ORDERS, TORQUE_RIPPLE_PARAMETERS};
 use compensator_core::{ParameterId as Id, TermKind};
 use joint_log::number::{figure, significant};

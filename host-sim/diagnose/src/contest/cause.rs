@@ -95,7 +95,7 @@ struct CauseRow {
     price: f64,
     /// Sign of the coefficient that is physically possible, beside friction that is positive; 0 if both are.
     sign: f64,
-    build: fn(&Context) -> Vec<Columns>,
+    build: Build,
 }
 
 /// Columns of one variant.
@@ -119,79 +119,42 @@ const COLUMN_PRICE: f64 = 0.004;
 /// Price of a cause of motion or time alone, which an inaccurate law resembles.
 const MIMIC: f64 = 0.04;
 
+/// Sign of a coefficient of which both signs are possible.
+const ANY_SIGN: f64 = 0.0;
+
+const POSITIVE: f64 = 1.0;
+const NEGATIVE: f64 = -1.0;
+
+type Build = fn(&Context) -> Vec<Columns>;
+
+const fn cause(name: &'static str, price: f64, sign: f64, build: Build) -> CauseRow {
+    CauseRow { name, price, sign, build }
+}
+
+/// The causes: name, prior cost, possible sign of the coefficient, and columns.
 const CAUSES: &[CauseRow] = &[
-    CauseRow {
-        name: "pressure-coulomb",
-        price: COLUMN,
-        sign: 1.0,
-        build: channel::pressure_coulomb,
-    },
-    CauseRow {
-        name: "radial-force-coulomb",
-        price: COLUMN,
-        sign: 1.0,
-        build: channel::radial_force_coulomb,
-    },
-    CauseRow {
-        name: "radial-force-rate",
-        price: MIMIC,
-        sign: 0.0,
-        build: channel::radial_force_rate,
-    },
-    CauseRow {
-        name: "load-torque-coulomb",
-        price: COLUMN,
-        sign: 1.0,
-        build: channel::load_torque_coulomb,
-    },
-    CauseRow { name: CHANNEL_GAIN, price: COLUMN, sign: 0.0, build: channel::gain },
-    CauseRow {
-        name: "temperature-viscous",
-        price: COLUMN,
-        sign: -1.0,
-        build: channel::temperature_viscous,
-    },
-    CauseRow {
-        name: "temperature-coulomb",
-        price: COLUMN,
-        sign: -1.0,
-        build: channel::temperature_coulomb,
-    },
-    CauseRow { name: "payload", price: MIMIC, sign: 0.0, build: channel::payload },
-    CauseRow { name: "joint-coupling", price: MIMIC, sign: 0.0, build: channel::joint_coupling },
-    CauseRow { name: "unknown", price: MIMIC, sign: 0.0, build: unknown::columns },
-    CauseRow {
-        name: "direction-asymmetry",
-        price: MIMIC,
-        sign: 0.0,
-        build: motion::direction_asymmetry,
-    },
-    CauseRow { name: "torque-offset", price: COLUMN, sign: 0.0, build: motion::torque_offset },
-    CauseRow { name: "quadratic-drag", price: MIMIC, sign: 1.0, build: motion::quadratic_drag },
-    CauseRow {
-        name: "unmodelled-inertia",
-        price: MIMIC,
-        sign: 1.0,
-        build: motion::unmodelled_inertia,
-    },
-    CauseRow {
-        name: "gravity-imbalance",
-        price: COLUMN,
-        sign: 0.0,
-        build: motion::gravity_imbalance,
-    },
-    CauseRow {
-        name: "dwell-time-static",
-        price: MIMIC,
-        sign: 1.0,
-        build: motion::dwell_time_static,
-    },
-    CauseRow { name: "time-drift", price: MIMIC, sign: 0.0, build: motion::time_drift },
-    CauseRow { name: "warm-up", price: MIMIC, sign: -1.0, build: motion::warm_up },
-    CauseRow { name: "backlash", price: MIMIC, sign: 0.0, build: backlash::backlash },
-    CauseRow { name: "torque-ripple", price: MIMIC, sign: 0.0, build: ripple::torque_ripple },
-    CauseRow { name: "position-ripple", price: MIMIC, sign: 0.0, build: ripple::position_ripple },
-    CauseRow { name: "encoder-error", price: MIMIC, sign: 0.0, build: ripple::encoder_error },
+    cause("pressure-coulomb", COLUMN, POSITIVE, channel::pressure_coulomb),
+    cause("radial-force-coulomb", COLUMN, POSITIVE, channel::radial_force_coulomb),
+    cause("radial-force-rate", MIMIC, ANY_SIGN, channel::radial_force_rate),
+    cause("load-torque-coulomb", COLUMN, POSITIVE, channel::load_torque_coulomb),
+    cause(CHANNEL_GAIN, COLUMN, ANY_SIGN, channel::gain),
+    cause("temperature-viscous", COLUMN, NEGATIVE, channel::temperature_viscous),
+    cause("temperature-coulomb", COLUMN, NEGATIVE, channel::temperature_coulomb),
+    cause("payload", MIMIC, ANY_SIGN, channel::payload),
+    cause("joint-coupling", MIMIC, ANY_SIGN, channel::joint_coupling),
+    cause("unknown", MIMIC, ANY_SIGN, unknown::columns),
+    cause("direction-asymmetry", MIMIC, ANY_SIGN, motion::direction_asymmetry),
+    cause("torque-offset", COLUMN, ANY_SIGN, motion::torque_offset),
+    cause("quadratic-drag", MIMIC, POSITIVE, motion::quadratic_drag),
+    cause("unmodelled-inertia", MIMIC, POSITIVE, motion::unmodelled_inertia),
+    cause("gravity-imbalance", COLUMN, ANY_SIGN, motion::gravity_imbalance),
+    cause("dwell-time-static", MIMIC, POSITIVE, motion::dwell_time_static),
+    cause("time-drift", MIMIC, ANY_SIGN, motion::time_drift),
+    cause("warm-up", MIMIC, NEGATIVE, motion::warm_up),
+    cause("backlash", MIMIC, ANY_SIGN, backlash::backlash),
+    cause("torque-ripple", MIMIC, ANY_SIGN, ripple::torque_ripple),
+    cause("position-ripple", MIMIC, ANY_SIGN, ripple::position_ripple),
+    cause("encoder-error", MIMIC, ANY_SIGN, ripple::encoder_error),
 ];
 
 /// Returns the variants of all causes that the log's columns allow. A column that does not vary or is not finite makes none.

@@ -8,9 +8,10 @@ use super::rows::Rows;
 use friction_fit::{LowPassShape, TorqueLowPass};
 
 /// A correction of the log.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Correction {
     /// The log as it is.
+    #[default]
     None,
     /// The torque is logged this many rows late (early if negative).
     TorqueLate(f64),
@@ -83,26 +84,6 @@ impl Correction {
     pub fn apply(self, rows: &Rows, column: &[f64]) -> Vec<f64> {
         let (late_s, low_pass) = self.of_torque(rows.step_s);
         rows.motion.as_logged(column, late_s, low_pass)
-    }
-
-    /// Returns the correction with its size in seconds, for a report.
-    pub fn describe(self, step_s: f64) -> String {
-        let milliseconds = |rows: f64| 1e3 * rows * step_s;
-        match self {
-            Correction::None => "none".into(),
-            Correction::TorqueLate(by) => {
-                let way = if by < 0.0 { "early" } else { "late" };
-                format!("torque {:.3} ms {way}", milliseconds(by.abs()))
-            }
-            Correction::TorqueLowPass(by, shape) => {
-                let kind = match shape {
-                    LowPassShape::FirstOrder => "first-order low-pass",
-                    LowPassShape::SecondOrder => "second-order low-pass",
-                    LowPassShape::RunningMean => "moving average",
-                };
-                format!("torque through a {kind} of {:.3} ms delay", milliseconds(by))
-            }
-        }
     }
 
     /// Returns true if the correction is a cause of its own, `channel-delay`. A row early or late is within the convention of

@@ -6,7 +6,7 @@ use super::cause::{Context, Variant, acts_through_bristles, variants};
 use super::cause_key::CauseKey;
 use super::correction::Correction;
 use super::kernel::KernelLaw;
-use super::law::{Law, Shapes, product};
+use super::law::{Law, Shapes, WIDTHS, product};
 use super::ledger::Hypothesis;
 use super::orders::RippleOrders;
 use super::rows::Rows;
@@ -42,14 +42,12 @@ pub(crate) struct Base {
     pub(crate) columns: Vec<Vec<f64>>,
     /// Friction torque over its RMS, positive in forward sliding.
     pub(crate) level: Vec<f64>,
-    /// Factor from the friction torque to the level.
+    /// Factor from the friction torque to the level; negative if the friction drives the motion: the torque has the wrong sign.
     pub(crate) level_scale: f64,
     /// True for a column whose coefficient cannot be negative.
     pub(crate) non_negative: Vec<bool>,
     /// What the law leaves, fitted to all rows.
     pub(crate) residual: Vec<f64>,
-    /// True if the friction drives the motion: the sign of the torque is reversed.
-    pub(crate) is_driving: bool,
     /// True if it has slip of a free shape: several stops, or falling functions beside the driver's law.
     pub(crate) has_slip: bool,
     /// What it was made from.
@@ -72,7 +70,7 @@ impl Base {
         // With any sign: a level that rises with the speed and a torque of the wrong sign are to be seen.
         let Fitted { sizes, residual } = Fitted::new(rows, &columns);
         let stops = law.stops.len();
-        let falls = stops + 1..stops + 1 + law.fall_count();
+        let falls = stops + 1..stops + 1 + if law.has_falls { WIDTHS.len() } else { 0 };
         let of_friction = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
         let of_friction: Vec<usize> = of_friction.collect();
         let level =
@@ -85,7 +83,6 @@ impl Base {
             level_scale,
             non_negative,
             residual,
-            is_driving: level_scale < 0.0,
             sizes,
             has_slip: law.stops.len() > 1,
             origin: Origin::Shapes(law.clone()),
@@ -123,7 +120,6 @@ impl Base {
             level_scale,
             non_negative,
             residual,
-            is_driving: level_scale < 0.0,
             sizes,
             has_slip: free.is_some(),
             origin: Origin::Kernel(Box::new(kernel.parameters.clone())),

@@ -39,7 +39,7 @@ pub(crate) fn finalists<'l>(ledger: &'l Ledger, draws: &Draws) -> Vec<&'l Hypoth
 }
 
 /// A hypothesis to be fitted with the driver's law.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Finalist {
     /// Its correction of the log.
     pub correction: Correction,
@@ -60,15 +60,8 @@ pub struct Finalist {
 impl Finalist {
     /// Returns the hypothesis without a cause, for a log on which none can be scored.
     pub fn without_cause() -> Self {
-        Self {
-            correction: Correction::None,
-            law: LawStart { name: "linear", ..LawStart::default() },
-            causes: Vec::new(),
-            shares: Vec::new(),
-            rmse: 0.0,
-            law_rmse: 0.0,
-            share_left: 1.0,
-        }
+        let law = LawStart { name: "linear", ..LawStart::default() };
+        Self { law, share_left: 1.0, ..Self::default() }
     }
 }
 

@@ -67,11 +67,6 @@ pub struct Law {
 }
 
 impl Law {
-    /// Returns the number of parts that fall with the speed, whose columns follow those of the stops and of viscous friction.
-    pub fn fall_count(&self) -> usize {
-        if self.has_falls { WIDTHS.len() } else { 0 }
-    }
-
     /// Returns the prior cost of the law: that of each stop after the first.
     pub fn price(&self) -> f64 {
         STOP_PRICE * (self.stops.len() - 1) as f64
@@ -322,7 +317,8 @@ impl LawStart {
     /// Returns the parameters of a law of shapes from the coefficients of its columns.
     pub(crate) fn of_shapes(rows: &Rows, shapes: &Shapes, law: &Law, sizes: &[f64]) -> Self {
         let stops = &sizes[..law.stops.len()];
-        let falls = sizes[law.stops.len() + 1..].iter().take(law.fall_count());
+        let falls =
+            sizes[law.stops.len() + 1..].iter().take(if law.has_falls { WIDTHS.len() } else { 0 });
         let falls: Vec<f64> = falls.map(|size| size.max(0.0)).collect();
         let excess: f64 = falls.iter().sum();
         let width: f64 = falls.iter().zip(WIDTHS).map(|(fall, width)| fall * width).sum();

@@ -8,6 +8,7 @@ use super::bank::{Bank, Workspace};
 use super::rows::Rows;
 use super::solve::{dot, lanes, solve_in_place};
 use joint_log::JointKind;
+use joint_log::statistics::extent;
 use joint_log::work::{checkpoint, checkpoint_at};
 use std::f64::consts::TAU;
 
@@ -370,8 +371,7 @@ fn unexplained(target: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
 /// same position.
 fn phases(rows: &Rows, residual: &[f64]) -> Option<(f64, Vec<f64>)> {
     let starts = rows.runs.iter().map(|run| rows.position[run.start]);
-    let (low, high) =
-        starts.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), q| (a.min(q), b.max(q)));
+    let [low, high] = extent(starts);
     let begins_alike = high - low < MAX_START * rows.swing;
     if rows.joint != JointKind::Revolute || rows.runs.len() < MIN_FREE_RUNS || !begins_alike {
         return None;

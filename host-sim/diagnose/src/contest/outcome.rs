@@ -4,7 +4,6 @@ use super::bank::Workspace;
 use super::cause_key::CauseKey;
 use super::detail::Detail;
 use super::draws;
-use super::entry::Entry;
 use super::finalists::{Finalist, finalists};
 use super::ledger::Hypothesis;
 use super::linear::LinearAnswer;
@@ -74,8 +73,6 @@ impl Figures {
 pub struct Outcome {
     /// Base law of the best hypothesis.
     pub law: &'static str,
-    /// Correction of the log in the best hypothesis.
-    pub correction: String,
     /// True if the base law's friction is negative: the sign of the torque is reversed.
     pub is_reversed: bool,
     /// Causes with their figures, by materiality among those of the best hypothesis, then by inclusion.
@@ -92,8 +89,6 @@ pub struct Outcome {
     pub base_floors: f64,
     /// Error that the noise and the uncertain motion alone leave.
     pub noise_floor: f64,
-    /// Number of blocks.
-    pub blocks: usize,
     /// Number of runs.
     pub runs: usize,
     /// Number of hypotheses that were scored.
@@ -104,19 +99,6 @@ pub struct Outcome {
     pub plain: LinearAnswer,
     /// The best hypothesis that is a model for other logs.
     pub linear: Option<LinearAnswer>,
-    /// The combinations of law and correction.
-    pub entries: Vec<EntryErrors>,
-}
-
-/// Errors of one combination of law and correction, as ratios to the squared error of the best law without a cause.
-#[derive(Clone, Debug)]
-pub struct EntryErrors {
-    /// Law and correction.
-    pub name: String,
-    /// Error without a cause; NaN if that was not scored.
-    pub plain: f64,
-    /// Least error; infinite if no hypothesis was scored.
-    pub least: f64,
 }
 
 /// Fall of the error from one hypothesis to another, over blocks or runs.
@@ -151,7 +133,6 @@ impl Outcome {
         let floors = |error: f64| (error / rows.weight()).sqrt() / rows.noise_floor;
         Self {
             law: entry.base.name,
-            correction: table.corrections(rows, best),
             is_reversed: rows.is_reversed,
             causes,
             base_rmse: table.rmse(rows, base),
@@ -160,14 +141,12 @@ impl Outcome {
             floors: floors(best.error),
             base_floors: floors(base.error),
             noise_floor: rows.noise_floor,
-            blocks: rows.blocks.len(),
             runs: rows.runs.len(),
             hypotheses: table.ledger.hypotheses.len(),
             finalists: finalists(table.ledger, table.draws)
                 .into_iter()
                 .map(|hypothesis| table.finalist(rows, hypothesis))
                 .collect(),
-            entries: table.entries(rows, base.error),
             linear: None,
             plain: LinearAnswer::default(),
         }
@@ -175,17 +154,6 @@ impl Outcome {
 }
 
 impl Table<'_> {
-    fn entries(&self, rows: &Rows, base: f64) -> Vec<EntryErrors> {
-        let describe = |(at, entry): (usize, &Entry)| {
-            let in_entry = || self.ledger.hypotheses.iter().filter(move |h| h.bank == at);
-            let plain = in_entry().find(|h| h.set.is_empty()).map_or(f64::NAN, |h| h.error / base);
-            let least = in_entry().map(|h| h.error / base).fold(f64::INFINITY, f64::min);
-            let name = format!("{}, {}", entry.base.name, entry.correction.describe(rows.step_s));
-            EntryErrors { name, plain, least }
-        };
-        self.entries.iter().enumerate().map(describe).collect()
-    }
-
     fn figures(&self, rows: &Rows, key: &CauseKey, best: &Hypothesis, base: f64) -> Figures {
         let is_in_best = best.causes.contains(key);
         let alone = self.ledger.with_causes(&BTreeSet::from([key.clone()]));
@@ -325,17 +293,5 @@ impl Table<'_> {
         let competitive: Vec<&Hypothesis> = best.into_iter().filter(|h| h.cost() <= most).collect();
         let holding = competitive.iter().filter(|h| h.causes.contains(key)).count();
         holding as f64 / competitive.len().max(1) as f64
-    }
-
-    /// Returns the corrections of the log in a hypothesis: of time, and of the gain of channels.
-    fn corrections(&self, rows: &Rows, hypothesis: &Hypothesis) -> String {
-        let entry = &self.entries[hypothesis.bank];
-        let held = hypothesis.set.iter().map(|at| &entry.variants[*at as usize]);
-        let gains = held
-            .filter(|variant| !variant.is_cause())
-            .map(|variant| format!("gain of {}", variant.key.follows()));
-        let all: Vec<String> =
-            [entry.correction.describe(rows.step_s)].into_iter().chain(gains).collect();
-        all.join(", ")
     }
 }

@@ -209,7 +209,9 @@ impl Contest<'_> {
 fn reverse_driving_torque(rows: &mut Rows, shapes: &Shapes) {
     let pairs =
         rows.torque.iter().zip(&rows.velocity).map(|(torque, velocity)| (*torque, *velocity));
-    if drives_both_ways(pairs) && Base::of_shapes(rows, shapes, &Shapes::plain_law()).is_driving {
+    if drives_both_ways(pairs)
+        && Base::of_shapes(rows, shapes, &Shapes::plain_law()).level_scale < 0.0
+    {
         rows.reverse_torque();
     }
 }

@@ -32,38 +32,11 @@ impl ContestCalibration {
                 .to_owned(),
         })
     }
-
-    /// Emits the table.
-    pub fn emit(&self) -> String {
-        let steps: Vec<String> =
-            self.steps.iter().map(|(odds, p)| format!("[{odds:.4}, {p:.4}]")).collect();
-        let trees: String = self.trees.iter().map(|tree| format!("    \"{tree}\",\n")).collect();
-        format!(
-            "# Weighs the evidence for a cause. Made by\n#   cargo run --release -p friction-grading --example calibrate_contest\n\n\
-             name = \"{}\"\nsteps = [{}]\nstart = {:.4}\ntrees = [\n{trees}]\n",
-            self.name,
-            steps.join(", "),
-            self.start
-        )
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn parse_of_emitted_table_returns_the_same_calibration() {
-        let calibration = ContestCalibration {
-            name: "test".into(),
-            start: -1.5,
-            trees: ["last<1.0000 -0.2500 0.5000", "0.1250"]
-                .map(|text| Tree::parse(text).unwrap())
-                .into(),
-            steps: vec![(-2.0, 0.125), (1.5, 0.875)],
-        };
-        assert_eq!(ContestCalibration::parse(&calibration.emit()), Ok(calibration));
-    }
 
     #[test]
     fn parse_of_table_without_trees_names_them() {

@@ -44,17 +44,6 @@ impl Calibration {
         Some(Self { name, start: number("start")?, weights })
     }
 
-    /// Emits the table.
-    pub fn emit(&self) -> String {
-        let weights = FIGURES.iter().zip(self.weights);
-        let weights: String = weights.map(|(name, w)| format!("{name} = {w:.4}\n")).collect();
-        format!(
-            "# Weighs the evidence for play in the difference of two positions. Made by\n#   cargo run --release -p \
-             friction-grading --example two_positions -- --calibrate\n\nname = \"{}\"\nstart = {:.4}\n{weights}",
-            self.name, self.start
-        )
-    }
-
     /// Returns the probability of play.
     pub fn probability(&self, figures: &[f64; FIGURE_COUNT]) -> f64 {
         let sum: f64 =
@@ -73,12 +62,5 @@ mod tests {
             Calibration::parse(TABLE)
                 .is_some_and(|calibration| calibration.weights.iter().any(|w| *w > 0.0))
         );
-    }
-
-    #[test]
-    fn parse_of_emitted_table_returns_the_same_calibration() {
-        let weights = [0.5; FIGURE_COUNT];
-        let calibration = Calibration { name: "test".into(), start: -1.5, weights };
-        assert_eq!(Calibration::parse(&calibration.emit()), Some(calibration));
     }
 }
