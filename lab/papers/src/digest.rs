@@ -195,7 +195,7 @@ mod tests {
         let table = pivot_table("both", &rows, place);
         let text = "**both**\n\n|  | ours | theirs |\n|---|---|---|\n\
                     | error, % | 1.00 (print: 2.000) | 3.00 ± 0.50 |\n";
-        assert_eq!(markdown(table), text);
+        assert_eq!(markdown(&table), text);
     }
 
     #[test]
