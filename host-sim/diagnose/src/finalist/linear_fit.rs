@@ -56,7 +56,8 @@ impl LinearFit {
         for entrant in entrants {
             places.push(entrant.candidates.iter().map(&mut place).collect());
             for candidate in &entrant.candidates {
-                regressors.extend(candidate.regressors.iter().map(|by| (by, candidate.extra)));
+                let covariate = candidate.follows.as_ref().and_then(|follows| follows.covariate);
+                regressors.extend(candidate.regressors.iter().map(|by| (by, covariate)));
             }
         }
         let size = next + 1;
