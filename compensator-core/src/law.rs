@@ -144,7 +144,7 @@ macro_rules! define_laws {
                 }
             }
 
-            /// Sets the coefficients to those of `of` for a sample period `ratio` times as long.
+            /// Sets the coefficients that depend on the sample period to those of `of` for a period `ratio` times as long.
             pub(crate) fn rescale_period(&mut self, of: &Self, ratio: T) {
                 match (self, of) {
                     $((Self::$kind(law), Self::$kind(of)) => law.rescale_period(of, ratio),)*

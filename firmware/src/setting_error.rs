@@ -1,7 +1,7 @@
 //! The error of a setting that is out of range.
 
-use compensator_core::parameters::Text;
 use compensator_core::parameters::reason::Reason;
+use compensator_core::parameters::{Bound, ParameterError, Text, refuse};
 use compensator_core::refusal;
 use core::fmt;
 
@@ -27,3 +27,22 @@ impl From<SettingError> for Reason {
 }
 
 impl core::error::Error for SettingError {}
+
+/// Checks that a value is one of two.
+///
+/// # Errors
+/// Names the value and the nearer of the two.
+#[inline(never)]
+pub(crate) fn check_either(
+    field: Text,
+    value: f32,
+    two: [f32; 2],
+    why: Text,
+) -> Result<(), ParameterError> {
+    let [low, high] = two;
+    if value == low || value == high {
+        return Ok(());
+    }
+    let is_low = value < 0.5 * (low + high);
+    refuse(field, value, if is_low { Bound::AtMost(low) } else { Bound::AtLeast(high) }, why)
+}

@@ -60,7 +60,7 @@ impl<F: NorFlash> Store<F> {
     pub fn open(flash: F) -> Self {
         let pages = flash.capacity() / F::ERASE_SIZE / 2;
         let half = u32::try_from(pages * F::ERASE_SIZE).unwrap_or(0);
-        Self::inspected(flash, [0..half, half..half.saturating_mul(2)])
+        Self::open_within(flash, [0..half, half..half.saturating_mul(2)])
     }
 
     /// Opens a store in two given slots, each of one or more whole pages. It only reads.
@@ -79,15 +79,11 @@ impl<F: NorFlash> Store<F> {
         if !(is_valid(first) && is_valid(second) && are_disjoint) {
             return Err(StoreError::Slots);
         }
-        Ok(Self::inspected(flash, slots))
+        Ok(Self::open_within(flash, slots))
     }
 
     /// Opens a store in two slots that are known to be legal. It only reads.
     pub fn open_within(flash: F, slots: [Range<u32>; 2]) -> Self {
-        Self::inspected(flash, slots)
-    }
-
-    fn inspected(flash: F, slots: [Range<u32>; 2]) -> Self {
         let () = Self::IS_FLASH_SUITABLE;
         let mut store = Self { flash, slots, states: [SlotState::Blank; 2] };
         store.inspect();
@@ -136,19 +132,16 @@ impl<F: NorFlash> Store<F> {
     /// Inspects both slots and copies the set before the newest into `into`. The two were saved one after the other.
     ///
     /// # Errors
-    /// [`LoadError::Empty`] if the other slot holds another set, or none that this firmware can read. `into` may then
-    /// hold undefined bytes.
+    /// Returns why nothing was loaded; [`LoadError::Empty`] also if the other set was not saved right before the newest.
+    /// `into` may then hold undefined bytes.
     pub fn load_former(&mut self, into: &mut [u8]) -> Result<LoadedSet, LoadError> {
         self.inspect();
-        let newest = self.current().ok_or(LoadError::Empty)?;
-        let slot = 1 - newest.slot;
-        match self.scan(slot, Payload::Copied(into)) {
-            SlotState::Whole { sequence, length }
-                if newest.sequence == sequence.wrapping_add(1) =>
-            {
-                Ok(LoadedSet { length, slot, sequence })
+        let Some(newest) = self.current() else { return Err(self.why_nothing_is_loaded()) };
+        match self.set_in(1 - newest.slot) {
+            Some(former) if newest.sequence == former.sequence.wrapping_add(1) => {
+                if self.copy_set(former, into)? { Ok(former) } else { Err(LoadError::Damaged) }
             }
-            _ => Err(LoadError::Empty),
+            _ => Err(self.why_nothing_is_loaded()),
         }
     }
 
@@ -165,32 +158,45 @@ impl<F: NorFlash> Store<F> {
     /// Returns why nothing was loaded. `into` may then hold undefined bytes.
     pub fn load(&mut self, into: &mut [u8]) -> Result<LoadedSet, LoadError> {
         self.inspect();
-        while let Some(set @ LoadedSet { length, slot, sequence }) = self.current() {
-            let given = into.len();
-            let Some(place) = into.get_mut(..length) else {
-                return Err(LoadError::TooSmall { needed: length, given });
-            };
-            let found = self.scan(slot, Payload::Copied(place));
-            if found == (SlotState::Whole { sequence, length }) {
+        while let Some(set) = self.current() {
+            if self.copy_set(set, into)? {
                 return Ok(set);
             }
-            // The slot read differently a moment ago, so its content is unreliable.
+        }
+        Err(self.why_nothing_is_loaded())
+    }
+
+    /// Copies a set that was found into `into`. Returns false if the slot reads differently now: it is damaged.
+    fn copy_set(&mut self, set: LoadedSet, into: &mut [u8]) -> Result<bool, LoadError> {
+        let LoadedSet { length, slot, sequence } = set;
+        let given = into.len();
+        let Some(place) = into.get_mut(..length) else {
+            return Err(LoadError::TooSmall { needed: length, given });
+        };
+        let found = self.scan(slot, Payload::Copied(place));
+        let is_same = found == (SlotState::Whole { sequence, length });
+        if !is_same {
             self.set_state(slot, SlotState::Damaged);
         }
+        Ok(is_same)
+    }
+
+    /// Returns the reason for which no set is found, from the states of the slots.
+    fn why_nothing_is_loaded(&self) -> LoadError {
         for state in self.states {
             if let SlotState::Foreign { version, .. } = state {
-                return Err(LoadError::Foreign(version));
+                return LoadError::Foreign(version);
             }
         }
         let damaged = self.states.contains(&SlotState::Damaged);
-        Err(if damaged { LoadError::Damaged } else { LoadError::Empty })
+        if damaged { LoadError::Damaged } else { LoadError::Empty }
     }
 
     /// Saves a set. It needs one erase and one program operation per 8 bytes. The processor waits for its
     /// flash meanwhile, so do not call it while the bridge is on.
     ///
-    /// A set that is already current is not written again, unless the other slot is damaged: then the save
-    /// makes a second intact copy. `identity` is what the joint keeps if its sets are lost.
+    /// A set that is already current is not written again, unless the other slot is damaged or has not this identity: then
+    /// the save makes a second intact copy. `identity` is what the joint keeps if its sets are lost.
     ///
     /// # Errors
     /// Returns what failed. The set that was current stays current, unless only the copies of the identity
@@ -199,11 +205,11 @@ impl<F: NorFlash> Store<F> {
         self.save_at(SavePlace::Former, payload, identity)
     }
 
-    /// Saves a set as [`Self::save`] does, in this place. In that of the newest set, a power cut may lose the newest, and the
-    /// former is intact throughout.
+    /// Saves a set as [`Self::save`] does, in this place. In that of the newest set, the newest is erased first; the former
+    /// stays intact until the new set is committed, and then too unless the identity changes.
     ///
     /// # Errors
-    /// As [`Self::save`].
+    /// As [`Self::save`]. If the place is that of the newest set, the former may be the current one afterwards.
     pub fn save_at(
         &mut self,
         place: SavePlace,
@@ -219,6 +225,7 @@ impl<F: NorFlash> Store<F> {
             && !self.states.contains(&SlotState::Damaged)
             && self.slots.get(slot).cloned().and_then(|slot| self.copy(&slot))
                 == Some(IdentityCopy { sequence, identity: *identity })
+            && self.keeps_identity(1 - slot, identity)
             && self.holds_exactly(slot, payload)
         {
             return Ok(SaveOutcome::Unchanged);
@@ -361,11 +368,13 @@ impl<F: NorFlash> Store<F> {
 
     /// Returns the newest set that this firmware can read.
     fn current(&self) -> Option<LoadedSet> {
-        let NumberedSlot { slot, sequence } = self.newest(SlotState::is_whole)?;
-        match self.states.get(slot) {
-            Some(SlotState::Whole { length, .. }) => {
-                Some(LoadedSet { length: *length, slot, sequence })
-            }
+        self.set_in(self.newest(SlotState::is_whole)?.slot)
+    }
+
+    /// Returns the set in a slot, if this firmware can read it.
+    fn set_in(&self, slot: usize) -> Option<LoadedSet> {
+        match *self.states.get(slot)? {
+            SlotState::Whole { sequence, length } => Some(LoadedSet { length, slot, sequence }),
             _ => None,
         }
     }

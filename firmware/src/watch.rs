@@ -171,6 +171,19 @@ pub struct ResidualMeans {
     pub square: f32,
 }
 
+/// What a watch counted since its reset.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WatchCounters {
+    /// Windows.
+    pub windows: u32,
+    /// Windows at whose end the residual was out of the band.
+    pub windows_out_of_band: u32,
+    /// How often the residual left the band.
+    pub alarms: u32,
+    /// Largest single residual, in bands, at most 100.
+    pub largest_in_bands: f32,
+}
+
 /// Monitoring of the residual of one joint.
 #[derive(Clone, Debug)]
 pub struct ResidualWatch {
@@ -188,11 +201,7 @@ pub struct ResidualWatch {
     window: ResidualMeans,
     means: ResidualMeans,
     in_band: bool,
-    windows: u32,
-    windows_out_of_band: u32,
-    alarms: u32,
-    invalid_samples: u32,
-    largest: f32,
+    counters: WatchCounters,
 }
 
 const ZERO_MEANS: ResidualMeans = ResidualMeans { offset: 0.0, level: 0.0, square: 0.0 };
@@ -215,38 +224,29 @@ impl ResidualWatch {
             window: ZERO_MEANS,
             means: INITIAL_MEANS,
             in_band: true,
-            windows: 0,
-            windows_out_of_band: 0,
-            alarms: 0,
-            invalid_samples: 0,
-            largest: 0.0,
+            counters: WatchCounters::default(),
         }
     }
 
     /// Processes one sample: the residual torque, Nm, positive if the torque that drives positive velocity
     /// exceeds the model, and the joint velocity, rad/s. `valid` must be false if the model does not apply:
-    /// inputs missing, bridge off, or a swap.
+    /// inputs missing, bridge off, or a swap. A residual that is NaN is not counted: the supervisor reports its cause.
     // Not inlined: one copy takes less flash than one for each caller.
     #[inline(never)]
     pub fn step(&mut self, residual_nm: f32, velocity_rad_s: f32, valid: bool) {
         // False for NaN.
         let slides = velocity_rad_s.abs() > self.least_velocity_rad_s;
-        if !(valid && slides) {
+        if !(valid && slides) || residual_nm.is_nan() {
             return;
         }
         // Comparisons are used because `max` and `clamp` are function calls on this processor.
         let mut residual = residual_nm * self.per_band;
         let size = residual.abs();
-        if size > self.largest {
-            self.largest = if size < MAX_RESIDUAL_BANDS { size } else { MAX_RESIDUAL_BANDS };
+        if size > self.counters.largest_in_bands {
+            self.counters.largest_in_bands =
+                if size < MAX_RESIDUAL_BANDS { size } else { MAX_RESIDUAL_BANDS };
         }
-        // False for NaN.
-        let is_within_limit = size <= MAX_RESIDUAL_BANDS;
-        if !is_within_limit {
-            if size.is_nan() {
-                self.invalid_samples = self.invalid_samples.saturating_add(1);
-                return;
-            }
+        if size > MAX_RESIDUAL_BANDS {
             residual = if residual > 0.0 { MAX_RESIDUAL_BANDS } else { -MAX_RESIDUAL_BANDS };
         }
         self.window.offset += residual;
@@ -260,7 +260,7 @@ impl ResidualWatch {
 
     #[inline(never)]
     fn close_window(&mut self) {
-        let Self { window, means, limits, share, per_sample, .. } = self;
+        let Self { window, means, limits, share, per_sample, counters, .. } = self;
         for (mean, sum) in [
             (&mut means.offset, window.offset),
             (&mut means.level, window.level),
@@ -272,12 +272,12 @@ impl ResidualWatch {
         let is_out = largest_mean > limits.mean || means.square > limits.square;
         let is_back = largest_mean < limits.mean_back && means.square < limits.square_back;
         if self.in_band && is_out {
-            self.alarms = self.alarms.saturating_add(1);
+            counters.alarms = counters.alarms.saturating_add(1);
         }
         self.in_band = if self.in_band { !is_out } else { is_back };
-        self.windows = self.windows.saturating_add(1);
-        self.windows_out_of_band =
-            self.windows_out_of_band.saturating_add(u32::from(!self.in_band));
+        counters.windows = counters.windows.saturating_add(1);
+        counters.windows_out_of_band =
+            counters.windows_out_of_band.saturating_add(u32::from(!self.in_band));
         self.window = ZERO_MEANS;
         self.left = self.samples;
     }
@@ -286,7 +286,7 @@ impl ResidualWatch {
     /// residual leaves the band earlier. The limit to return into the band is lower than the limit to leave it.
     #[inline(never)]
     pub fn in_band(&self) -> Option<bool> {
-        (self.windows >= self.settling || !self.in_band).then_some(self.in_band)
+        (self.counters.windows >= self.settling || !self.in_band).then_some(self.in_band)
     }
 
     /// Returns the means, in bands.
@@ -294,34 +294,9 @@ impl ResidualWatch {
         self.means
     }
 
-    /// Returns the number of windows since the reset.
-    pub fn windows(&self) -> u32 {
-        self.windows
-    }
-
-    /// Returns the number of windows at whose end the residual was out of the band.
-    pub fn windows_out_of_band(&self) -> u32 {
-        self.windows_out_of_band
-    }
-
-    /// Returns how often the residual left the band.
-    pub fn alarms(&self) -> u32 {
-        self.alarms
-    }
-
-    /// Returns the number of samples since the reset whose residual was NaN.
-    pub fn invalid_samples(&self) -> u32 {
-        self.invalid_samples
-    }
-
-    /// Returns the largest single residual since the reset, in bands, at most 100.
-    pub fn largest_in_bands(&self) -> f32 {
-        self.largest
-    }
-
-    /// Returns the band, Nm.
-    pub fn band_nm(&self) -> f32 {
-        self.band_nm
+    /// Returns what was counted since the reset.
+    pub fn counters(&self) -> WatchCounters {
+        self.counters
     }
 
     /// Returns the smallest change of the Coulomb level that is certain to be flagged, Nm.
@@ -335,7 +310,6 @@ impl ResidualWatch {
         self.window = ZERO_MEANS;
         self.means = INITIAL_MEANS;
         self.in_band = true;
-        (self.windows, self.windows_out_of_band, self.alarms, self.invalid_samples) = (0, 0, 0, 0);
-        self.largest = 0.0;
+        self.counters = WatchCounters::default();
     }
 }

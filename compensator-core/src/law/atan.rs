@@ -58,7 +58,8 @@ impl<T: Real> FrictionLaw<T> for Atan<T> {
     ) -> Result<f32, ParameterError> {
         let value = |id: Id| written.values.single(id);
         product::<N>(text!("atan_slope * velocity_max"), value(Id::AtanSlope) * range.speed)?;
-        product::<N>(Id::AtanTorque.text(), value(Id::AtanTorque) * FRAC_PI_2)?;
-        Ok(0.0)
+        let torque = value(Id::AtanTorque) * FRAC_PI_2;
+        product::<N>(Id::AtanTorque.text(), torque)?;
+        Ok(value(Id::TorqueOffset).abs() + torque.abs())
     }
 }

@@ -62,8 +62,11 @@ impl<T: Real> FrictionLaw<T> for Extended<T> {
     ) -> Result<f32, ParameterError> {
         let value = |id: Id| written.values.single(id);
         let square = range.speed * range.speed;
-        product::<N>(Id::QuadraticFriction.text(), value(Id::QuadraticFriction) * square)?;
-        product::<N>(Id::CubicFriction.text(), value(Id::CubicFriction) * square * range.speed)?;
-        Ok(0.0)
+        let along = if written.choices.printed_extended { range.speed } else { square };
+        let quadratic = value(Id::QuadraticFriction) * along;
+        product::<N>(Id::QuadraticFriction.text(), quadratic)?;
+        let cubic = value(Id::CubicFriction) * square * range.speed;
+        product::<N>(Id::CubicFriction.text(), cubic)?;
+        Ok(quadratic.abs() + cubic.abs())
     }
 }

@@ -14,16 +14,17 @@ pub(crate) use crate::refusal::ParameterError;
 pub(crate) enum Step<'a, T> {
     /// The step is complete. The value is the friction torque, Nm.
     Done(T),
-    /// The caller must step these bristles with this Coulomb and static level, Nm. All laws that
-    /// return this variant share the code of the bristle step.
-    Bristles(&'a Bristles<T>, T, T),
+    /// The caller must step these bristles with these levels, Nm. All laws that return this variant share the code of
+    /// the bristle step.
+    Bristles { bristles: &'a Bristles<T>, coulomb: T, static_level: T },
 }
 
 impl<'a, T: Real> Step<'a, T> {
     /// Requests a step of these bristles with their own levels.
     #[inline(always)]
     pub fn of(bristles: &'a Bristles<T>) -> Self {
-        Self::Bristles(bristles, bristles.coulomb, bristles.static_level)
+        let Bristles { coulomb, static_level, .. } = *bristles;
+        Self::Bristles { bristles, coulomb, static_level }
     }
 
     /// Completes the step and returns the friction torque, Nm.
@@ -31,7 +32,7 @@ impl<'a, T: Real> Step<'a, T> {
     pub fn finish<E: Effect<T>>(self, held: &mut T, velocity: T, effect: &E) -> T {
         match self {
             Self::Done(torque) => torque,
-            Self::Bristles(bristles, coulomb, static_level) => {
+            Self::Bristles { bristles, coulomb, static_level } => {
                 bristles.step_between(held, velocity, effect, coulomb, static_level)
             }
         }
@@ -56,8 +57,8 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
     /// Computes the coefficients for a sample period in s. Accepts illegal values, because a fit may try them.
     fn build(written: &LawParameters<T::Setting>, period_s: T::Setting) -> Self;
 
-    /// Sets the coefficients to those of `of` for a sample period `ratio` times as long. Those of a static law do not
-    /// depend on the period.
+    /// Sets the coefficients that depend on the sample period to those of `of` for a period `ratio` times as long. The
+    /// others keep their values. Those of a static law do not depend on the period.
     fn rescale_period(&mut self, _: &Self, _: T) {}
 
     /// Multiplies the levels, those of the law's own load included, by `level`, and the viscous coefficients by
@@ -83,7 +84,7 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
         effect: &E,
     ) -> Step<'_, T>;
 
-    /// As [`FrictionLaw::step`], in a model without terms.
+    /// As [`FrictionLaw::step`], in a model without terms. A law with a seal load must write its own, which includes it.
     #[inline(always)]
     fn step_alone(
         &self,
@@ -91,6 +92,7 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
         memory: &mut Self::Memory,
         sample: &Sample<T>,
     ) -> Step<'_, T> {
+        const { assert!(!Self::HAS_SEAL_LOAD, "the effect of the seal load would be lost") };
         self.step(held, memory, sample.velocity_rad_s, &NoEffect)
     }
 
@@ -100,8 +102,8 @@ pub(crate) trait FrictionLaw<T: Real>: Copy {
 
     /// Checks that the number type `N` can represent every product of the law within `range`.
     ///
-    /// The caller has already checked the coefficients that equal a parameter. Returns the largest torque of the
-    /// law apart from level and viscous friction, Nm.
+    /// The caller has already checked the coefficients that equal a parameter. Returns the largest magnitude of the
+    /// law's torque apart from its level and the linear viscous friction, Nm; 0 for a law that has no more.
     ///
     /// # Errors
     /// Names the product that `N` cannot represent.

@@ -74,7 +74,7 @@ impl<T: Real> FrictionLaw<T> for LugreAsymmetric<T> {
         let coulomb = if positive { self.positive.coulomb } else { self.coulomb_negative };
         let static_level =
             if positive { self.positive.static_level } else { self.static_level_negative };
-        Step::Bristles(&self.positive, coulomb, static_level)
+        Step::Bristles { bristles: &self.positive, coulomb, static_level }
     }
 
     fn check<N: Real, S: Real>(

@@ -54,23 +54,17 @@ impl<S: Real<Setting = S>> Parameters<S> {
     /// The bristle torque of a step never exceeds the largest level, whatever the stiffness ([`crate::law`]).
     ///
     /// # Errors
-    /// Returns an error if the law refuses the period.
+    /// Returns an error if the law or a term refuses the period.
     pub fn largest_torques_nm(&self, period_s: f32) -> Result<[f32; 2], ParameterError> {
-        let bounds = self.bounds();
-        let speed = self.envelope.velocity_max_rad_s;
-        let level = self.largest_level(&bounds);
-        let smallest_level = self.smallest_level(&bounds);
-        let range =
-            LawRange { period_s, speed, smallest_level, largest_level: level, bounds: &bounds };
-        let law_torque = self.law.check::<f32, S>(&self.law_parameters(), &range)?;
-        Ok([level, level + self.largest_viscous(&bounds) * speed + bounds.torque + law_torque])
+        self.check_range::<f32>(S::from_f64(f64::from(period_s)))
     }
 
     fn law_parameters(&self) -> LawParameters<'_, S> {
         LawParameters { values: &self.values, choices: self.choices, envelope: &self.envelope }
     }
 
-    fn check_range<T: Real<Setting = S>>(&self, period_s: S) -> Result<(), ParameterError> {
+    /// Checks every coefficient and product in the number type `T`. Returns as [`Parameters::largest_torques_nm`].
+    fn check_range<T: Real>(&self, period_s: S) -> Result<[f32; 2], ParameterError> {
         let value = |id: Id| self.get(id).single();
         let speed = self.envelope.velocity_max_rad_s;
         coefficient::<T>(text!("velocity_max_rad_s"), speed)?;
@@ -106,6 +100,7 @@ impl<S: Real<Setting = S>> Parameters<S> {
         let law_torque = self.law.check::<T, S>(&self.law_parameters(), &range)?;
         let torque = level + viscous + bounds.torque + law_torque;
         product::<T>(text!("the sum of all torques"), torque)?;
-        check::<T, S>(&self.terms, &self.values, &self.envelope, period_s)
+        check::<T, S>(&self.terms, &self.values, &self.envelope, period_s)?;
+        Ok([level, torque])
     }
 }

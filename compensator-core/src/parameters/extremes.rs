@@ -34,7 +34,7 @@ impl<S: Real> Parameters<S> {
         }
         let corners = bounds.corners(&self.envelope);
         let added = corners.iter().map(|added| added.coulomb).fold(0.0, f32::min);
-        (coulomb + added) * bounds.level_factor.0
+        (coulomb + added) * bounds.least_level_factor
     }
 
     /// Returns the largest static level, Nm. It limits the bristle torque.
@@ -50,7 +50,7 @@ impl<S: Real> Parameters<S> {
         let corners = bounds.corners(&self.envelope);
         let added = corners.iter().map(|added| added.coulomb + added.excess.max(0.0));
         let sum = base.fold(0.0, f32::max) + added.fold(0.0, f32::max) + bounds.static_level;
-        sum * bounds.level_factor.1
+        sum * bounds.largest_level_factor
     }
 
     /// Returns the largest magnitude of the viscous coefficient, Nm s/rad.

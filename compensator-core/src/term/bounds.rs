@@ -8,8 +8,7 @@
 use crate::envelope::Envelope;
 use crate::quantity::TEMPERATURE_RANGE_C;
 
-/// Minimum share of a level that must remain under load, pressure or wear. It is large enough that rounding in
-/// the number type of the step cannot make the level 0.
+/// Minimum share of a level that must remain under each term that reduces it, so that the smallest level stays positive.
 pub(crate) const LEAST_SHARE: f32 = 1e-3;
 
 /// Least and largest temperature at which a law is used, deg C.
@@ -56,8 +55,10 @@ pub(crate) struct Bounds {
     pub per_load_torque: Added,
     /// Largest further increase of `F_S`, Nm. No term decreases `F_S` in this way.
     pub static_level: f32,
-    /// Smallest and largest factor of the level.
-    pub level_factor: (f32, f32),
+    /// Smallest factor of the level.
+    pub least_level_factor: f32,
+    /// Largest factor of the level.
+    pub largest_level_factor: f32,
     /// Largest factor of the viscous coefficient.
     pub viscous_factor: f32,
     /// Largest magnitude of a torque outside the law, Nm.
@@ -75,17 +76,18 @@ impl Bounds {
         per_pascal: Added::NONE,
         per_load_torque: Added::NONE,
         static_level: 0.0,
-        level_factor: (1.0, 1.0),
+        least_level_factor: 1.0,
+        largest_level_factor: 1.0,
         viscous_factor: 1.0,
         torque: 0.0,
         travel_per_newton: 0.0,
         bends_stribeck_curve: false,
     };
 
-    /// Includes a factor of the level, given its smallest and largest value.
+    /// Includes a factor of the level, given its smallest and largest value. The validation of a term keeps both positive.
     pub fn scale_level(&mut self, least: f32, most: f32) {
-        self.level_factor.0 *= least;
-        self.level_factor.1 *= most;
+        self.least_level_factor *= least;
+        self.largest_level_factor *= most;
     }
 
     /// Includes a factor of the level in `1 - share..=1 + share`.

@@ -6,7 +6,7 @@
 
 use crate::support::cases::{Case, FIXED, case, converted};
 use compensator_core::model::{ModelState, Sample};
-use compensator_core::{Fixed, LawKind, ParameterId as Id, Real, TermKind};
+use compensator_core::{Fixed, LawKind, ParameterId as Id, Parameters, Real, TermKind};
 use proptest::prelude::*;
 
 /// Maximum difference between fixed point and `f64`, as a share of the largest torque of the run.
@@ -73,5 +73,50 @@ proptest! {
         let ratio = difference_ratio(&case);
         prop_assume!(ratio.is_some());
         prop_assert!(ratio.unwrap() <= 1.0, "{ratio:?} of the tolerance");
+    }
+}
+
+/// Returns laws with torques beside their level and the viscous friction, by this share of 1000 Nm each.
+fn laws_with_torques(share: f64) -> [Parameters<f64>; 3] {
+    let law = |kind| {
+        let mut law = Parameters::<f64>::new(kind).with(Id::CoulombTorque, 1000.0 * share);
+        law.choices.allow_active = true;
+        law.envelope.velocity_max_rad_s = 4.0;
+        law
+    };
+    let atan = law(LawKind::Atan)
+        .with(Id::TorqueOffset, -200.0 * share)
+        .with(Id::AtanTorque, 600.0 * share)
+        .with(Id::AtanSlope, 100.0);
+    let extended = law(LawKind::Extended)
+        .with(Id::ViscousFriction, 10.0 * share)
+        .with(Id::QuadraticFriction, 60.0 * share)
+        .with(Id::CubicFriction, 2.0 * share);
+    let mut printed = law(LawKind::Extended).with(Id::QuadraticFriction, 280.0 * share);
+    printed.choices.printed_extended = true;
+    [atan, extended, printed]
+}
+
+#[test]
+fn largest_torque_of_a_law_is_that_at_its_largest_speed() {
+    for law in laws_with_torques(1e-2) {
+        let [_, largest] = law.largest_torques_nm(1e-3).unwrap();
+        let model = law.build::<f64>(1e-3).unwrap();
+        let at = |velocity_rad_s| {
+            let sample = Sample { velocity_rad_s, ..Sample::default() };
+            model.step(&mut ModelState::default(), &sample).abs()
+        };
+        let found = at(4.0).max(at(-4.0));
+        let share = found / f64::from(largest);
+        assert!((0.99..=1.000_001).contains(&share), "{}: {found} {largest}", law.law.name());
+    }
+}
+
+#[test]
+fn build_with_torques_that_exceed_fixed_point_only_together_is_refused() {
+    for law in laws_with_torques(1.0) {
+        let refused = law.convert::<f32>().build::<Fixed>(1e-3).map(|_| ()).unwrap_err();
+        assert_eq!(refused.field, "the sum of all torques", "{}", law.law.name());
+        assert!(law.build::<f64>(1e-3).is_ok());
     }
 }

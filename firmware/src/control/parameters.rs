@@ -13,6 +13,7 @@ use super::pi::{
 };
 use super::space_vector::MAX_VECTOR_PER_BUS_V;
 use super::transform::{UNITS_PER_RAD, binary_angle};
+use crate::setting_error::check_either;
 use compensator_core::compensator::CompensatorParameters;
 use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
 use compensator_core::text;
@@ -123,10 +124,7 @@ impl MotorParameters {
             (text!("joint_direction"), self.joint_direction),
             (text!("encoder_direction"), self.encoder_direction),
         ] {
-            if sign.abs() != 1.0 {
-                let bound = if sign < 0.0 { Bound::AtMost(-1.0) } else { Bound::AtLeast(1.0) };
-                refuse(field, sign, bound, text!("1 or -1"))?;
-            }
+            check_either(field, sign, [-1.0, 1.0], text!("1 or -1"))?;
         }
         self.validate_brake()?;
         let least = self.current_limit_a * OVERCURRENT_MARGIN;
@@ -150,10 +148,7 @@ impl MotorParameters {
     /// below the overcurrent level, or the brake would be opened.
     fn validate_brake(&self) -> Result<(), ParameterError> {
         let (field, value) = (text!("brake_at_stop"), self.brake_at_stop);
-        if value != 0.0 && value != 1.0 {
-            let bound = if value < 0.5 { Bound::AtMost(0.0) } else { Bound::AtLeast(1.0) };
-            refuse(field, value, bound, text!("0 or 1"))?;
-        }
+        check_either(field, value, [0.0, 1.0], text!("0 or 1"))?;
         if value == 1.0 && !self.is_short_bounded() {
             let why = text!("the shorted motor would exceed overcurrent_a at velocity_max_rad_s");
             refuse(field, value, Bound::AtMost(0.0), why)?;

@@ -267,17 +267,18 @@ fn put_text(text: &str, value: &mut ValueBuffer) -> Result<(), Abort> {
 
 /// Returns the state of a watch of the model (2007h).
 fn watch_object(watch: Option<&ResidualWatch>) -> WatchObject {
-    /// Before the first window is complete, it is unknown whether the model is in its band.
+    /// It is unknown whether the model is in its band, for example until the means have settled.
     const UNKNOWN: u32 = 2;
     let Some(watch) = watch else {
         return WatchObject { in_band: UNKNOWN, ..Default::default() };
     };
+    let counters = watch.counters();
     WatchObject {
         in_band: watch.in_band().map_or(UNKNOWN, u32::from),
-        windows: watch.windows(),
-        windows_out_of_band: watch.windows_out_of_band(),
-        alarms: watch.alarms(),
-        largest_in_bands: watch.largest_in_bands().to_bits(),
+        windows: counters.windows,
+        windows_out_of_band: counters.windows_out_of_band,
+        alarms: counters.alarms,
+        largest_in_bands: counters.largest_in_bands.to_bits(),
     }
 }
 

@@ -6,7 +6,8 @@
 use super::biss::MAX_DATA_BITS;
 use super::strain_gauge::StrainGauge;
 use super::thermistor::Thermistor;
-use compensator_core::parameters::{Bound, ParameterError, Text, check_ranges, refuse};
+use crate::setting_error::check_either;
+use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
 use compensator_core::text;
 
 compensator_core::named_fields! {
@@ -84,70 +85,42 @@ impl SensorParameters {
     /// Names the first field refused, its value, the bound it broke and the reason for the bound.
     pub fn validate(&self) -> Result<(), ParameterError> {
         check_ranges(&Self::TEXTS, &self.to_array(), &Self::RANGES)?;
-        let switches = [
+        for (field, switch) in [
             (text!("strain_connected"), self.strain_connected),
             (text!("leak_connected"), self.leak_connected),
             (text!("leak_stops"), self.leak_stops),
             (text!("air_connected"), self.air_connected),
             (text!("sto_connected"), self.sto_connected),
-        ];
-        let neither = switches.into_iter().find(|(_, switch)| *switch != 0.0 && *switch != 1.0);
-        let [most, joint_most] =
-            [self.biss_bits, self.joint_encoder_bits].map(|bits| MAX_DATA_BITS as f32 - bits);
-        let long_frame = if self.biss_turn_bits > most {
-            Some((text!("biss_turn_bits"), self.biss_turn_bits, most))
-        } else if self.joint_encoder_turn_bits > joint_most {
-            let field = text!("joint_encoder_turn_bits");
-            Some((field, self.joint_encoder_turn_bits, joint_most))
-        } else {
-            None
-        };
-        let refused = if let Some((field, switch)) = neither {
-            Some((field, switch, Bound::AtLeast(1.0), text!("0 or 1")))
-        } else if self.leak_open_share <= self.leak_wet_share {
+        ] {
+            check_either(field, switch, [0.0, 1.0], text!("0 or 1"))?;
+        }
+        for (field, sign) in [
+            (text!("shunt_sign"), self.shunt_sign),
+            (text!("hall_order"), self.hall_order),
+            (text!("joint_encoder_direction"), self.joint_encoder_direction),
+        ] {
+            check_either(field, sign, [-1.0, 1.0], text!("1 or -1"))?;
+        }
+        if self.leak_open_share <= self.leak_wet_share {
+            let (open, bound) = (self.leak_open_share, Bound::MoreThan(self.leak_wet_share));
             let why = text!("a broken wire is drier than a dry probe");
-            Some((
-                text!("leak_open_share"),
-                self.leak_open_share,
-                Bound::MoreThan(self.leak_wet_share),
-                why,
-            ))
-        } else if self.housing_pressure_max_pa <= self.housing_pressure_min_pa {
+            refuse(text!("leak_open_share"), open, bound, why)?;
+        }
+        if self.housing_pressure_max_pa <= self.housing_pressure_min_pa {
             let (low, high) = (self.housing_pressure_min_pa, self.housing_pressure_max_pa);
             let why = text!("there must be a range between the two");
-            Some((text!("housing_pressure_max_pa"), high, Bound::MoreThan(low), why))
-        } else if self.shunt_sign.abs() != 1.0 {
-            Some((text!("shunt_sign"), self.shunt_sign, Bound::AtLeast(1.0), text!("1 or -1")))
-        } else if self.hall_order.abs() != 1.0 {
-            Some((text!("hall_order"), self.hall_order, Bound::AtLeast(1.0), text!("1 or -1")))
-        } else if self.joint_encoder_direction.abs() != 1.0 {
-            let direction = self.joint_encoder_direction;
-            let why = text!("1 or -1");
-            Some((text!("joint_encoder_direction"), direction, Bound::AtLeast(1.0), why))
-        } else if let Some((field, value)) = self.fraction() {
-            Some((field, value, Bound::Whole, text!("a kind or a number is whole")))
-        } else if let Some((field, turn_bits, most)) = long_frame {
-            let why = text!("a frame has 40 bits of turns and position");
-            Some((field, turn_bits, Bound::AtMost(most), why))
-        } else if self.strain_range_n == 0.0 {
-            Some((
-                text!("strain_range_n"),
-                0.0,
-                Bound::MoreThan(0.0),
-                text!("a gauge answers to a force"),
-            ))
-        } else {
-            None
-        };
-        match refused {
-            Some((field, value, bound, why)) => refuse(field, value, bound, why),
-            None => Ok(()),
+            refuse(text!("housing_pressure_max_pa"), high, Bound::MoreThan(low), why)?;
         }
+        if self.strain_range_n == 0.0 {
+            let why = text!("a gauge answers to a force; a negative range is permitted too");
+            refuse(text!("strain_range_n"), 0.0, Bound::MoreThan(0.0), why)?;
+        }
+        self.validate_encoders()
     }
 
-    /// Returns a field of the encoder that must be a whole number and is none.
-    fn fraction(&self) -> Option<(Text, f32)> {
-        let whole = [
+    /// Checks that kinds and numbers are whole, and that each frame fits into a word of the receiver.
+    fn validate_encoders(&self) -> Result<(), ParameterError> {
+        for (field, value) in [
             (text!("encoder_kind"), self.encoder_kind),
             (text!("abz_lines"), self.abz_lines),
             (text!("biss_bits"), self.biss_bits),
@@ -155,13 +128,22 @@ impl SensorParameters {
             (text!("joint_encoder_kind"), self.joint_encoder_kind),
             (text!("joint_encoder_bits"), self.joint_encoder_bits),
             (text!("joint_encoder_turn_bits"), self.joint_encoder_turn_bits),
-        ];
-        whole.into_iter().find(|(_, value)| *value != *value as u32 as f32)
-    }
-
-    /// Returns true if there is an encoder at the joint's side of the gear.
-    pub fn has_joint_encoder(&self) -> bool {
-        self.joint_encoder_kind != 0.0
+        ] {
+            if value != value as u32 as f32 {
+                refuse(field, value, Bound::Whole, text!("a kind or a number is whole"))?;
+            }
+        }
+        let motor = (text!("biss_turn_bits"), self.biss_turn_bits, self.biss_bits);
+        let joint_turn_bits = self.joint_encoder_turn_bits;
+        let joint = (text!("joint_encoder_turn_bits"), joint_turn_bits, self.joint_encoder_bits);
+        for (field, turn_bits, bits) in [motor, joint] {
+            let most = MAX_DATA_BITS as f32 - bits;
+            if turn_bits > most {
+                let why = text!("a frame has 40 bits of turns and position");
+                refuse(field, turn_bits, Bound::AtMost(most), why)?;
+            }
+        }
+        Ok(())
     }
 
     /// Returns the strain gauge; `None` if none is connected.
@@ -197,38 +179,41 @@ mod tests {
     }
 
     #[test]
-    fn sensors_that_are_neither_of_two_values_are_refused() {
-        let sensors = SensorParameters::default();
-        for (changed, field) in [
-            (SensorParameters { shunt_sign: 0.5, ..sensors }, "shunt_sign"),
-            (SensorParameters { strain_connected: 0.5, ..sensors }, "strain_connected"),
-            (SensorParameters { strain_range_n: 0.0, ..sensors }, "strain_range_n"),
-            (SensorParameters { motor_beta_k: 10.0, ..sensors }, "motor_beta_k"),
-            (SensorParameters { leak_stops: 0.5, ..sensors }, "leak_stops"),
-            (SensorParameters { sto_connected: 0.5, ..sensors }, "sto_connected"),
-            (SensorParameters { encoder_kind: 1.5, ..sensors }, "encoder_kind"),
-            (SensorParameters { encoder_kind: 9.0, ..sensors }, "encoder_kind"),
-            (SensorParameters { abz_lines: 1000.5, ..sensors }, "abz_lines"),
-            (SensorParameters { hall_order: 0.0, ..sensors }, "hall_order"),
-            (SensorParameters { biss_bits: 18.5, ..sensors }, "biss_bits"),
-            (SensorParameters { biss_turn_bits: 24.0, ..sensors }, "biss_turn_bits"),
-            (SensorParameters { joint_encoder_kind: 0.5, ..sensors }, "joint_encoder_kind"),
-            (SensorParameters { joint_encoder_bits: 18.5, ..sensors }, "joint_encoder_bits"),
-            (
-                SensorParameters { joint_encoder_turn_bits: 24.0, ..sensors },
-                "joint_encoder_turn_bits",
-            ),
-            (
-                SensorParameters { joint_encoder_direction: 0.0, ..sensors },
-                "joint_encoder_direction",
-            ),
-            (SensorParameters { leak_open_share: 0.5, ..sensors }, "leak_open_share"),
-            (
-                SensorParameters { housing_pressure_max_pa: 6e4, ..sensors },
-                "housing_pressure_max_pa",
-            ),
-        ] {
-            assert_eq!(changed.validate().expect_err("refused").field, field);
+    fn validate_with_illegal_value_names_field_and_nearest_bound() {
+        use Bound::{AtLeast, AtMost, MoreThan, Whole};
+        let cases: &[(&str, f32, Bound)] = &[
+            ("shunt_sign", 0.5, AtLeast(1.0)),
+            ("shunt_sign", -0.9, AtMost(-1.0)),
+            ("hall_order", 0.0, AtLeast(1.0)),
+            ("joint_encoder_direction", -0.5, AtMost(-1.0)),
+            ("strain_connected", 0.2, AtMost(0.0)),
+            ("strain_connected", 0.5, AtLeast(1.0)),
+            ("leak_connected", 0.2, AtMost(0.0)),
+            ("leak_stops", 0.7, AtLeast(1.0)),
+            ("air_connected", 0.7, AtLeast(1.0)),
+            ("sto_connected", 0.2, AtMost(0.0)),
+            ("strain_range_n", 0.0, MoreThan(0.0)),
+            ("motor_beta_k", 10.0, AtLeast(500.0)),
+            ("encoder_kind", 1.5, Whole),
+            ("encoder_kind", 9.0, AtMost(5.0)),
+            ("abz_lines", 1000.5, Whole),
+            ("biss_bits", 18.5, Whole),
+            ("biss_turn_bits", 24.0, AtMost(22.0)),
+            ("joint_encoder_kind", 0.5, Whole),
+            ("joint_encoder_bits", 18.5, Whole),
+            ("joint_encoder_turn_bits", 24.0, AtMost(22.0)),
+            ("leak_open_share", 0.5, MoreThan(0.6)),
+            ("housing_pressure_max_pa", 6e4, MoreThan(7e4)),
+        ];
+        for (field, value, bound) in cases {
+            let place = SensorParameters::NAMES.iter().position(|name| name == field);
+            let mut values = SensorParameters::default().to_array();
+            values[place.expect("a field")] = *value;
+            let refused = SensorParameters::from_array(values).validate().expect_err("refused");
+            assert_eq!(refused.field, *field);
+            assert_eq!((refused.value, refused.bound), (*value, *bound), "{field}");
         }
+        let falling = SensorParameters { strain_range_n: -2000.0, ..SensorParameters::default() };
+        assert_eq!(falling.validate(), Ok(()), "the voltage falls with the load");
     }
 }

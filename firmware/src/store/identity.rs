@@ -85,13 +85,18 @@ impl<F: NorFlash> Store<F> {
         self.merge_trend(slot, other);
         let written = self.write_checked(slot, sequence, payload, identity)?;
         self.merge_trend(other, slot);
-        let place = self.slots.get(other).cloned().unwrap_or_default();
-        let has_identity = self.copy(&place).is_some_and(|copy| copy.identity == *identity);
-        if !has_identity && !matches!(self.states.get(other), Some(SlotState::Foreign { .. })) {
+        if !self.keeps_identity(other, identity) {
             self.write_checked(other, sequence, payload, identity)?;
             self.merge_trend(slot, other);
         }
         Ok(written)
+    }
+
+    /// Returns true if a slot has this identity, or a set of another layout, which is not replaced for an identity.
+    pub(super) fn keeps_identity(&mut self, slot: usize, identity: &Identity) -> bool {
+        let place = self.slots.get(slot).cloned().unwrap_or_default();
+        matches!(self.states.get(slot), Some(SlotState::Foreign { .. }))
+            || self.copy(&place).is_some_and(|copy| copy.identity == *identity)
     }
 
     /// Returns the copy in a slot; `None` if it is not intact.

@@ -442,6 +442,63 @@ fn save_of_another_identity_replaces_the_copies_in_both_slots() {
 }
 
 #[test]
+fn save_repeated_after_a_failure_in_the_second_slot_replaces_the_identity_there() {
+    let other: Identity = [0x3C; IDENTITY_BYTES];
+    let set = payload(9, LENGTH);
+    let before = flash_after_saves::<2>(2);
+    // Erase, set, commit and copy of the first slot.
+    let first = (1 + 2 + LENGTH.div_ceil(UNIT_BYTES)) as u32 + 1 + COPY_STEPS;
+    let (mut cuts, mut repeated) = (0, 0);
+    for torn in torn_variants() {
+        for step in first..2 * first {
+            let mut flash = before.clone();
+            flash.cut_power(step, torn);
+            let mut store = Store::open(flash);
+            assert!(store.save(&set, &other).is_err(), "{torn:?} in step {step}");
+            let mut flash = store.into_flash();
+            flash.power_on();
+            let mut store = Store::open(flash);
+            let outcome = store.save(&set, &other).expect("the power is back");
+            repeated += usize::from(outcome != SaveOutcome::Unchanged);
+            let flash = store.into_flash();
+            // With any of the two slots lost, the other one has the set and the new identity.
+            for slot in [0, 1] {
+                let mut bytes: Vec<u8> = flash.image().flatten().copied().collect();
+                bytes[slot * PAGE_BYTES..][..PAGE_BYTES].fill(0x77);
+                let mut half = flash.clone();
+                half.restore(&bytes);
+                let mut store = Store::open(half);
+                let FoundIdentity::Copy(found) = store.find_identity(None) else {
+                    panic!("{torn:?} in step {step}: no identity without slot {slot}")
+                };
+                assert_eq!(found.identity, other, "{torn:?} in step {step} without slot {slot}");
+                assert_eq!(load(&mut store), Ok(set.clone()));
+            }
+            cuts += 1;
+        }
+    }
+    assert!(repeated > cuts / 2, "{repeated} of {cuts}");
+}
+
+#[test]
+fn load_former_without_a_former_set_returns_why() {
+    let load_former = |flash: MemoryFlash<2>| {
+        let mut bytes = [0; MAX_PAYLOAD];
+        Store::open(flash).load_former(&mut bytes).map(|set| bytes[..set.length].to_vec())
+    };
+    let mut both = flash_after_saves::<2>(3);
+    assert_eq!(load_former(both.clone()), Ok(payload(2, LENGTH - 2)));
+    let mut small = [0; LENGTH - 3];
+    let error = Store::open(both.clone()).load_former(&mut small).unwrap_err();
+    assert_eq!(error, LoadError::TooSmall { needed: LENGTH - 2, given: LENGTH - 3 });
+    both.flip_bit((PAGE_BYTES + 100) * 8);
+    assert_eq!(load_former(both), Err(LoadError::Damaged));
+    assert_eq!(load_former(MemoryFlash::new()), Err(LoadError::Empty));
+    // The first save writes one set to both slots.
+    assert_eq!(load_former(flash_after_saves(1)), Err(LoadError::Empty));
+}
+
+#[test]
 fn identity_of_a_lost_store_differs_from_that_of_a_first_save_that_was_cut() {
     let mut store = Store::open(MemoryFlash::<4>::new());
     assert_eq!(store.find_identity(None), FoundIdentity::None);

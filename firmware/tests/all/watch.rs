@@ -4,7 +4,7 @@
 //! generator in this file.
 
 use compensator_core::parameters::Bound;
-use firmware::watch::{ResidualWatch, WatchParameters};
+use firmware::watch::{ResidualWatch, WatchCounters, WatchParameters};
 
 /// Normal random numbers: SplitMix64 (Steele, Lea, Flood 2014) and the Box-Muller transform.
 struct Noise(u64, Option<f64>);
@@ -56,7 +56,7 @@ fn measured_rate(
         watch.step(residual as f32 * parameters.band_nm, velocity, true);
     }
     let expected = seconds / (3600.0 * f64::from(parameters.false_alarm_h));
-    f64::from(watch.alarms()) / expected
+    f64::from(watch.counters().alarms) / expected
 }
 
 #[test]
@@ -107,11 +107,18 @@ fn default_monitor_with_ten_hours_of_white_noise_raises_no_alarm() {
         let velocity = if sample / 4000 % 2 == 0 { 0.5 } else { -0.5 };
         watch.step(0.1 * noise.next() as f32, velocity, true);
     }
-    assert_eq!((watch.in_band(), watch.alarms(), watch.windows()), (Some(true), 0, 3_600_000));
-    assert_eq!(watch.windows_out_of_band(), 0);
+    assert_eq!(
+        (watch.in_band(), watch.counters().alarms, watch.counters().windows),
+        (Some(true), 0, 3_600_000)
+    );
+    assert_eq!(watch.counters().windows_out_of_band, 0);
     // The means are those of the noise; the largest of 3.6e7 draws is in its expected range.
     assert!((watch.means().square - 1.0).abs() < 0.03, "{:?}", watch.means());
-    assert!((4.8..6.8).contains(&watch.largest_in_bands()), "{}", watch.largest_in_bands());
+    assert!(
+        (4.8..6.8).contains(&watch.counters().largest_in_bands),
+        "{}",
+        watch.counters().largest_in_bands
+    );
 }
 
 /// Slides back and forth, 2 s each way, with `noise` Nm and an error `change(t)` of the Coulomb level, Nm.
@@ -205,14 +212,14 @@ fn offset_and_larger_noise_are_flagged() {
     assert_eq!(run(&mut watch, 0.0, 2.0, 20), Some(false));
     assert!(watch.means().offset.abs() < 0.3 && watch.means().square > 3.0);
     // Back in the band, the flag is cleared and the counters are kept.
-    let out = watch.windows_out_of_band();
+    let out = watch.counters().windows_out_of_band;
     assert!(out > 0);
     assert_eq!(run(&mut watch, 0.0, 1.0, 60), Some(true));
-    assert!(watch.windows_out_of_band() > out);
-    assert_eq!(watch.alarms(), 1);
+    assert!(watch.counters().windows_out_of_band > out);
+    assert_eq!(watch.counters().alarms, 1);
     watch.reset();
-    assert_eq!((watch.in_band(), watch.windows(), watch.alarms()), (None, 0, 0));
-    assert_eq!((watch.windows_out_of_band(), watch.largest_in_bands()), (0, 0.0));
+    assert_eq!((watch.in_band(), watch.counters().windows, watch.counters().alarms), (None, 0, 0));
+    assert_eq!((watch.counters().windows_out_of_band, watch.counters().largest_in_bands), (0, 0.0));
 }
 
 #[test]
@@ -228,7 +235,7 @@ fn return_limit_is_below_the_alarm_limit() {
     assert_eq!(settle(&mut watch, 1.02 * limit), Some(false));
     assert_eq!(settle(&mut watch, 0.55 * limit), Some(false));
     assert_eq!(settle(&mut watch, 0.45 * limit), Some(true));
-    assert_eq!(watch.alarms(), 1);
+    assert_eq!(watch.counters().alarms, 1);
 }
 
 #[test]
@@ -239,15 +246,15 @@ fn samples_at_rest_or_nan_are_not_counted() {
         watch.step(50.0, f32::NAN, true);
         watch.step(50.0, 1.0, false);
     }
-    assert_eq!((watch.in_band(), watch.windows(), watch.invalid_samples()), (None, 0, 0));
+    assert_eq!((watch.in_band(), watch.counters()), (None, WatchCounters::default()));
     watch.step(f32::NAN, 1.0, true);
-    assert_eq!((watch.windows(), watch.invalid_samples()), (0, 1));
+    assert_eq!(watch.counters(), WatchCounters::default());
     // One outlier is limited, and its effect decays.
     for wild in [f32::INFINITY, f32::MIN] {
         watch.step(wild, 1.0, true);
         assert!(watch.means().square.is_finite());
     }
-    assert_eq!(watch.largest_in_bands(), 100.0);
+    assert_eq!(watch.counters().largest_in_bands, 100.0);
     for _ in 0..20_000 {
         watch.step(0.0, 1.0, true);
     }

@@ -225,7 +225,7 @@ impl Models {
     fn extension(&mut self, judged: &TrainTest, hand_over: &HandOver, seed: u64) -> Extension {
         let offer = self.offer.take();
         let follows = offer.as_ref().and_then(|offer| offer.model.follows.clone());
-        let follows = follows.filter(|follows| follows.extra);
+        let follows = follows.filter(|follows| follows.covariate.is_some());
         let log = judged.following(follows.as_ref()).into_owned();
         let (mut outcome, mut after, mut gain) = match offer {
             Some(Offer { outcome, after, gain, .. }) => (outcome, after, gain),

@@ -1,10 +1,9 @@
-//! One way a cause may enter the driver's law: columns beside the base model's, and where a fit with it begins.
+//! One way a cause may enter the driver's law: regressors beside the base model's, and where a fit with it begins.
 //!
-//! A candidate is a term of the core at rest (its size 0) with the columns by which the torque would
-//! change if it acted. Where a term has a parameter that does not enter linearly (the order of a ripple,
-//! the time constant of a run-in), there are several candidates of one cause, one for each setting of a
-//! coarse grid; the fit moves on from the best. A cause whose column is not in the log, or does not vary
-//! there, has no candidate: nothing is invented.
+//! A candidate is a term of the core with the regressors by which the torque would change if it acted. A linear fit gives their
+//! coefficients, where the fit of the whole model begins. A term with a parameter that does not enter linearly, such as the time
+//! constant of a run-in, has a candidate for each setting of a coarse grid. The orders of a ripple and the gap of a backlash come
+//! from the contest instead ([`FoundSettings`]). A cause whose log column is missing or constant has no candidate.
 
 use super::contest::Gap;
 use super::sensitivities::{Exact, Sensitivities};
@@ -16,25 +15,25 @@ use friction_fit::spec::Spec;
 pub struct Row<'a> {
     /// The core's input.
     pub sample: &'a Sample<f64>,
-    /// Change of the torque where the levels are raised by 1 Nm.
+    /// Change of the torque per increase of the levels, Nm/Nm.
     pub added: f64,
-    /// Change of the torque where the level is scaled.
+    /// Change of the torque per relative increase of the levels, Nm.
     pub level: f64,
-    /// The viscous part, Nm.
+    /// Viscous torque, Nm.
     pub viscous: f64,
-    /// The followed covariate.
+    /// Value of the followed extra covariate, in its own unit; 0 without one.
     pub extra: f64,
 }
 
-/// A column of a candidate.
+/// Change of the torque along a log per unit of a coefficient.
 pub enum Regressor {
-    /// From what is known of each row.
+    /// Computed from each row.
     Row(Box<dyn Fn(&Row) -> f64 + Send + Sync>),
-    /// Simulated for itself.
+    /// Simulated, for an effect that changes the state of the law.
     Exact(Exact),
 }
 
-/// A column from what is known of each row.
+/// Returns a regressor that is computed from each row.
 pub fn row(f: impl Fn(&Row) -> f64 + Send + Sync + 'static) -> Regressor {
     Regressor::Row(Box::new(f))
 }
@@ -44,30 +43,35 @@ pub fn row(f: impl Fn(&Row) -> f64 + Send + Sync + 'static) -> Regressor {
 pub enum InitialGuess {
     /// To this value.
     At(f64),
-    /// To this multiple of the coefficient of this column.
-    Times(usize, f64),
+    /// To this multiple of the coefficient of a regressor, by its place in the candidate.
+    Times { regressor: usize, factor: f64 },
+}
+
+impl InitialGuess {
+    /// Sets a parameter to this multiple of the coefficient of the first regressor.
+    pub const fn first_times(factor: f64) -> Self {
+        Self::Times { regressor: 0, factor }
+    }
 }
 
 /// One way a residual may be explained.
 pub struct Candidate {
     /// The term that takes it into the model.
     pub term: TermKind,
-    /// Columns of the log it needs.
+    /// Columns of the log that it needs.
     pub columns: Vec<String>,
     /// What it follows, for a cause that may follow any column.
     pub follows: Option<FollowedColumn>,
-    /// Its columns.
+    /// One regressor for each coefficient.
     pub regressors: Vec<Regressor>,
-    /// Where a fit with it begins.
+    /// Values at which a fit with it begins.
     pub guesses: Vec<(ParameterId, InitialGuess)>,
-    /// Parameters of the term a fit keeps.
+    /// Parameters of the term that a fit keeps.
     pub fixed: Vec<ParameterId>,
-    /// Index of the extra covariate it reads.
-    pub extra: Option<usize>,
 }
 
 impl Candidate {
-    /// A candidate that acts through a term, by these regressors, one for each coefficient.
+    /// Creates a candidate that acts through a term, by these regressors, one for each coefficient.
     pub fn new(term: TermKind, columns: &[&str], regressors: Vec<Regressor>) -> Self {
         Self {
             term,
@@ -76,42 +80,47 @@ impl Candidate {
             regressors,
             guesses: Vec::new(),
             fixed: Vec::new(),
-            extra: None,
         }
     }
 
-    /// A candidate with one regressor.
+    /// Creates a candidate with one regressor.
     pub fn single(term: TermKind, columns: &[&str], regressor: Regressor) -> Self {
         Self::new(term, columns, vec![regressor])
     }
 
-    /// Where a fit with it begins.
+    /// Sets the values at which a fit with it begins. Each regressor of a guess must be one of the candidate.
     #[must_use]
     pub fn starting_at(mut self, guesses: &[(ParameterId, InitialGuess)]) -> Self {
+        let is_known = |guess: &InitialGuess| match guess {
+            InitialGuess::At(_) => true,
+            InitialGuess::Times { regressor, .. } => *regressor < self.regressors.len(),
+        };
+        assert!(guesses.iter().all(|(_, guess)| is_known(guess)), "a guess without its regressor");
         self.guesses = guesses.to_vec();
         self
     }
 
-    /// Parameters of the term a fit keeps.
+    /// Sets the parameters of the term that a fit keeps.
     #[must_use]
     pub fn keeping(mut self, fixed: &[ParameterId]) -> Self {
         self.fixed = fixed.to_vec();
         self
     }
 
-    /// The column it follows; its index, where that is an extra covariate.
+    /// Sets the column that it follows.
     #[must_use]
-    pub fn following(mut self, follows: FollowedColumn, extra: Option<usize>) -> Self {
-        (self.follows, self.extra) = (Some(follows), extra);
+    pub fn following(mut self, follows: FollowedColumn) -> Self {
+        self.follows = Some(follows);
         self
     }
 
-    /// Sets the parameters of its term, given the coefficients of its regressors.
+    /// Sets the parameters of its term, given the coefficients of its regressors. A guess beyond the range of its
+    /// parameter is limited to it, because a fit cannot begin there.
     pub fn set(&self, parameters: &mut Parameters<f64>, coefficients: &[f64]) {
         for (id, guess) in &self.guesses {
             let value = match guess {
                 InitialGuess::At(value) => *value,
-                InitialGuess::Times(column, factor) => coefficients[*column] * factor,
+                InitialGuess::Times { regressor, factor } => coefficients[*regressor] * factor,
             };
             let info = id.info();
             parameters.set(*id, value.clamp(info.lower, info.upper));
@@ -119,15 +128,15 @@ impl Candidate {
     }
 }
 
-/// What candidates stand beside: a log, and a model that has been fitted to it.
+/// A log, and the model fitted to it, for which candidates are built.
 pub struct FitContext<'a> {
     /// The log.
     pub log: &'a TrainTest,
     /// The model.
     pub spec: &'a Spec,
-    /// What it does, row by row.
+    /// Sensitivities of the model along the log.
     pub at: &'a Sensitivities,
-    /// What the contest has found of causes that enter nonlinearly.
+    /// Settings that the contest has found.
     pub found: FoundSettings,
 }
 
@@ -136,12 +145,12 @@ pub struct FitContext<'a> {
 pub struct FoundSettings {
     /// Orders of a ripple, 1/rad or 1/m.
     pub orders: Vec<f64>,
-    /// Gap of a backlash.
+    /// Gap of a backlash, if it was found.
     pub gap: Option<Gap>,
 }
 
 impl FitContext<'_> {
-    /// Whether the model has this term already, as such or in its law.
+    /// Returns true if the model has this term already, as such or in its law.
     pub fn has(&self, term: TermKind) -> bool {
         let spec = self.spec;
         spec.terms.contains(&term) || spec.rigid_body.contains(&term) || spec.law.includes(term)

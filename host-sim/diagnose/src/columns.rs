@@ -22,7 +22,8 @@ pub fn columns(
 ) -> Vec<Vec<f64>> {
     let mut columns: Vec<Vec<f64>> = at.jacobian.clone();
     for candidate in candidates {
-        let extra = candidate.extra.map(|index| &track.covariates[index]);
+        let covariate = candidate.follows.as_ref().and_then(|follows| follows.covariate);
+        let extra = covariate.map(|index| &track.covariates[index]);
         let column = |regressor: &Regressor| match regressor {
             Regressor::Exact(effect) => exact(model, track, at, effect),
             Regressor::Row(of) => {

@@ -27,8 +27,8 @@ const WORSE_AT_REST: f64 = 1.0;
 pub struct FollowedColumn {
     /// Name of the column.
     pub column: String,
-    /// True for one of the log's extra covariates.
-    pub extra: bool,
+    /// Index among the log's extra covariates, if it is one.
+    pub covariate: Option<usize>,
     /// True for a share of the friction level; false for a separate torque.
     pub level: bool,
     /// True for a separate torque proportional to the column, as for a gain error.
@@ -199,7 +199,7 @@ impl TrainTest {
     /// Returns the log for a model that follows this column. An extra covariate becomes the
     /// auxiliary column.
     pub fn following(&self, follows: Option<&FollowedColumn>) -> Cow<'_, Self> {
-        let Some(follows) = follows.filter(|follows| follows.extra) else {
+        let Some(follows) = follows.filter(|follows| follows.covariate.is_some()) else {
             return Cow::Borrowed(self);
         };
         let index = self.train.covariates.iter().position(|name| *name == follows.column);

@@ -12,9 +12,9 @@ pub const RUN: &str = "run";
 /// The column of time.
 pub const TIME: &str = "time_s";
 
-/// The column of the demanded position, which is no covariate: its difference from the position is the error that the friction
-/// causes.
-pub const DEMAND: &str = "demand_rad";
+/// Columns of the demanded position, by joint kind. They are no covariates: the difference from the position is the error that
+/// the friction causes.
+pub const DEMANDS: [&str; 2] = ["demand_rad", "demand_m"];
 
 /// Columns of a second encoder at the joint's side of the gear, by joint kind. Beside a position it is no covariate, because it
 /// is nearly that position; the difference of both shows the play of the gear. Alone it is the position of the joint.
@@ -39,18 +39,18 @@ const fn both_kinds(quantity: Quantity) -> [(&'static str, JointKind); 2] {
 /// no name of its own in a log; it is one of the covariates.
 pub fn optional() -> impl Iterator<Item = Quantity> {
     use Quantity as Is;
-    let other = [Is::Velocity, Is::Torque, Is::CampaignTime, Is::Auxiliary];
-    Quantity::ALL.iter().copied().filter(move |quantity| !other.contains(quantity))
+    let excluded = [Is::Velocity, Is::Torque, Is::CampaignTime, Is::Auxiliary];
+    Quantity::ALL.iter().copied().filter(move |quantity| !excluded.contains(quantity))
 }
 
 /// Returns the known quantities that are not motion of the joint itself: side load, pressure, and so on.
 pub fn covariates() -> impl Iterator<Item = Quantity> {
-    optional().filter(|of| !matches!(of, Quantity::Position | Quantity::Acceleration))
+    optional().filter(|known| !matches!(known, Quantity::Position | Quantity::Acceleration))
 }
 
 /// Returns the column of the encoder at the joint's side of the gear.
 pub fn joint_position(joint: JointKind) -> &'static str {
-    JOINT_POSITIONS[usize::from(joint == JointKind::Prismatic)].0
+    joint.choose(JOINT_POSITIONS.map(|(name, _)| name))
 }
 
 /// Returns true if a column is that of an encoder at the joint's side of the gear.
@@ -66,12 +66,12 @@ pub(super) fn quantity_of(name: &str) -> Option<(Quantity, Option<JointKind>)> {
 
 /// Returns the optional quantity with a column name, in the units of a joint kind.
 pub(super) fn parse_optional(name: &str, kind: JointKind) -> Option<Quantity> {
-    let (quantity, of) = Quantity::parse(name)?;
-    let fits = of.is_none_or(|of| of == kind) && optional().any(|known| known == quantity);
+    let (quantity, found) = Quantity::parse(name)?;
+    let fits = found.is_none_or(|found| found == kind) && optional().any(|of| of == quantity);
     fits.then_some(quantity)
 }
 
-/// Returns all names of the contract, each once.
+/// Returns the names of the contract whose columns are read, each once: not those of the demand.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     let pairs = [Quantity::Velocity, Quantity::Torque].into_iter().chain(optional());
     let names = pairs.flat_map(|quantity| {
@@ -90,8 +90,11 @@ mod tests {
     fn names_returns_each_column_once() {
         let all: Vec<&str> = names().collect();
         for name in ["run", "time_s", "velocity_m_s", "force_n", "position_rad", "temperature_c"] {
-            assert_eq!(all.iter().filter(|known| **known == name).count(), 1, "{name}");
+            assert!(all.contains(&name), "{name}");
         }
+        let distinct: std::collections::HashSet<&str> = names().collect();
+        assert_eq!(distinct.len(), all.len());
+        assert!(DEMANDS.iter().all(|demand| !distinct.contains(demand)));
         assert!(!all.contains(&"auxiliary"));
     }
 

@@ -19,7 +19,7 @@ use compensator_core::quantity::{JointKind, Quantity};
 use super::cell::CellReader;
 use super::column_names::ColumnNames;
 use super::columns::is_missing_value;
-use super::contract::{self, DEMAND, RUN, TARGETS, TIME, is_joint_position, parse_optional};
+use super::contract::{self, DEMANDS, RUN, TARGETS, TIME, is_joint_position, parse_optional};
 use super::dataset::{LeftOutColumn, SourceColumn};
 use super::error::{DataError, asked_rows, listed};
 use super::joints::{JOINT, OneJoint, one_joint};
@@ -455,7 +455,7 @@ fn covariate_error(name: &str) -> Option<&'static str> {
         Some("it is the row index of a pandas table")
     } else if TARGETS.iter().any(|(target, _)| *target == name) {
         Some("it is a second target, and --columns names the other one")
-    } else if name == DEMAND {
+    } else if DEMANDS.contains(&name) {
         Some("a demand is no cause of friction")
     } else {
         None

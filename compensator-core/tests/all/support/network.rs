@@ -15,11 +15,10 @@ pub fn factors<T: Real>() -> Vec<[f64; 3]> {
     let mut state = NetworkState::default();
     (0..EVALUATIONS)
         .map(|step| {
-            let at = |period: usize| (step % period) as f64 / period as f64;
-            let inputs = [4.0 * at(1024) - 1.0, at(128) - 0.5, 16.0 * at(256) - 8.0];
-            // Rounded to 2^-12, which fixed point represents exactly.
-            let rounded = inputs.map(|input| T::from_f64((input * 4096.0).round() / 4096.0));
-            network.evaluate(&mut state, &rounded).to_array().map(Real::value)
+            // Multiples of 2^-8, which fixed point represents exactly. They repeat, but the state of the network does not.
+            let share = |period: usize| (step % period) as f64 / period as f64;
+            let inputs = [4.0 * share(1024) - 1.0, share(128) - 0.5, 16.0 * share(256) - 8.0];
+            network.evaluate(&mut state, &inputs.map(T::from_f64)).to_array().map(Real::value)
         })
         .collect()
 }

@@ -27,7 +27,7 @@ pub(super) const RADIAL_FORCE_COULOMB: Cause = Cause {
     candidates: |context| {
         let by = row(|r| r.added * r.sample.radial_force_n);
         let candidate = Candidate::single(TermKind::RadialForceCoulomb, &[RADIAL_FORCE], by)
-            .starting_at(&[(Id::RadialForceCoulomb, InitialGuess::Times(0, 1.0))])
+            .starting_at(&[(Id::RadialForceCoulomb, InitialGuess::first_times(1.0))])
             .keeping(&[Id::RadialForceStaticExcess]);
         where_varying(context, RADIAL_FORCE, candidate)
     },
@@ -53,7 +53,7 @@ pub(super) const PRESSURE_COULOMB: Cause = Cause {
     candidates: |context| {
         let by = row(|r| r.added * r.sample.pressure_diff_mpa);
         let candidate = Candidate::single(TermKind::PressureCoulomb, &[PRESSURE], by)
-            .starting_at(&[(Id::PressureCoulomb, InitialGuess::Times(0, 1e-6))])
+            .starting_at(&[(Id::PressureCoulomb, InitialGuess::first_times(1e-6))])
             .keeping(&[Id::PressureStaticExcess]);
         where_varying(context, PRESSURE, candidate)
     },
@@ -79,7 +79,7 @@ pub(super) const LOAD_TORQUE_COULOMB: Cause = Cause {
     candidates: |context| {
         let by = row(|r| r.added * r.sample.load_torque_nm.abs());
         let candidate = Candidate::single(TermKind::LoadTorqueCoulomb, &[LOAD_TORQUE], by)
-            .starting_at(&[(Id::LoadCoulomb, InitialGuess::Times(0, 1.0))]);
+            .starting_at(&[(Id::LoadCoulomb, InitialGuess::first_times(1.0))]);
         where_varying(context, LOAD_TORQUE, candidate)
     },
     evidence: |_, _| {
@@ -157,7 +157,7 @@ pub(super) const RADIAL_FORCE_RATE: Cause = Cause {
         let (kind, derivative) = (TermKind::RadialForceRate, Some(Id::RadialForceRate));
         let by = Regressor::Exact(Exact { kind, settings: Vec::new(), derivative });
         let candidate = Candidate::single(kind, &[RADIAL_FORCE], by)
-            .starting_at(&[(Id::RadialForceRate, InitialGuess::Times(0, 1.0))]);
+            .starting_at(&[(Id::RadialForceRate, InitialGuess::first_times(1.0))]);
         match context.spec.law.has_bristles() {
             true => where_varying(context, RADIAL_FORCE, candidate),
             false => Vec::new(),
@@ -198,7 +198,7 @@ fn of_temperature(
     let by = row(move |r| -part(r) * (r.sample.temperature_c - mean));
     let candidate = Candidate::single(term, &[TEMPERATURE], by)
         .starting_at(&[
-            (coefficient, InitialGuess::Times(0, 1.0)),
+            (coefficient, InitialGuess::first_times(1.0)),
             (Id::TemperatureReference, InitialGuess::At(mean)),
         ])
         .keeping(&[Id::TemperatureReference]);

@@ -70,7 +70,7 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
             (Id::LookupLower, InitialGuess::At(least * factor)),
             (Id::LookupUpper, InitialGuess::At(most * factor)),
             (Id::LookupFormula, InitialGuess::At(number(formula))),
-            (Id::LookupRise, InitialGuess::Times(0, 1.0)),
+            (Id::LookupRise, InitialGuess::first_times(1.0)),
             (Id::LookupScale, InitialGuess::At(scale * (most - least) * factor)),
         ];
         let knots = LOOKUP_TORQUES.into_iter().chain(LOOKUP_LEVELS);
@@ -82,7 +82,7 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
         }
         let follows = FollowedColumn {
             column: followed.name.clone(),
-            extra: followed.covariate.is_some(),
+            covariate: followed.covariate,
             level: true,
             proportional: false,
             formula,
@@ -90,7 +90,7 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
         Candidate::new(TermKind::LookupTable, &[followed.name.as_str()], vec![by])
             .starting_at(&guesses)
             .keeping(&fixed)
-            .following(follows, followed.covariate)
+            .following(follows)
     };
     shapes.into_iter().map(of).collect()
 }

@@ -25,8 +25,8 @@ pub(super) const DIRECTION_ASYMMETRY: Cause = Cause {
         ];
         let columns = [context.log.velocity_name()];
         vec![Candidate::new(TermKind::DirectionAsymmetry, &columns, by).starting_at(&[
-            (Id::CoulombAsymmetry, InitialGuess::Times(0, 1.0)),
-            (Id::ViscousAsymmetry, InitialGuess::Times(1, 1.0)),
+            (Id::CoulombAsymmetry, InitialGuess::first_times(1.0)),
+            (Id::ViscousAsymmetry, InitialGuess::Times { regressor: 1, factor: 1.0 }),
         ])]
     },
     size: Some(|extended| extended.size(larger_asymmetry(extended))),
@@ -65,7 +65,7 @@ pub(super) const TORQUE_OFFSET: Cause = Cause {
     candidates: |_| {
         vec![
             Candidate::single(TermKind::TorqueOffset, &[], row(|_| 1.0))
-                .starting_at(&[(Id::TorqueOffset, InitialGuess::Times(0, 1.0))]),
+                .starting_at(&[(Id::TorqueOffset, InitialGuess::first_times(1.0))]),
         ]
     },
     evidence: |_, _| {
@@ -91,7 +91,7 @@ pub(super) const QUADRATIC_DRAG: Cause = Cause {
         let drag = row(|r| r.sample.velocity_rad_s * r.sample.velocity_rad_s.abs());
         vec![
             Candidate::single(TermKind::QuadraticDrag, &[context.log.velocity_name()], drag)
-                .starting_at(&[(Id::QuadraticDrag, InitialGuess::Times(0, 1.0))]),
+                .starting_at(&[(Id::QuadraticDrag, InitialGuess::first_times(1.0))]),
         ]
     },
     evidence: |_, _| {
@@ -114,7 +114,7 @@ pub(super) const UNMODELLED_INERTIA: Cause = Cause {
         let by = row(|r| r.sample.acceleration_rad_s2);
         vec![
             Candidate::single(TermKind::UnmodelledInertia, &[context.log.velocity_name()], by)
-                .starting_at(&[(Id::Inertia, InitialGuess::Times(0, 1.0))]),
+                .starting_at(&[(Id::Inertia, InitialGuess::first_times(1.0))]),
         ]
     },
     evidence: |_, _| {
@@ -195,8 +195,8 @@ pub(super) const GRAVITY_IMBALANCE: Cause = Cause {
         }
         let by = vec![row(|r| r.sample.position_rad.sin()), row(|r| r.sample.position_rad.cos())];
         vec![Candidate::new(TermKind::GravityImbalance, &[name], by).starting_at(&[
-            (Id::GravitySine, InitialGuess::Times(0, 1.0)),
-            (Id::GravityCosine, InitialGuess::Times(1, 1.0)),
+            (Id::GravitySine, InitialGuess::first_times(1.0)),
+            (Id::GravityCosine, InitialGuess::Times { regressor: 1, factor: 1.0 }),
         ])]
     },
     size: Some(|extended| extended.amplitude(Id::GravitySine, Id::GravityCosine)),

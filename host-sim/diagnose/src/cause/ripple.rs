@@ -123,8 +123,8 @@ fn level_wave(position: &str, n: f64) -> Candidate {
     ];
     Candidate::new(TermKind::PositionRipple, &[position], by).starting_at(&[
         (Id::RippleOrder, InitialGuess::At(n)),
-        (Id::RippleSine, InitialGuess::Times(0, 1.0)),
-        (Id::RippleCosine, InitialGuess::Times(1, 1.0)),
+        (Id::RippleSine, InitialGuess::first_times(1.0)),
+        (Id::RippleCosine, InitialGuess::Times { regressor: 1, factor: 1.0 }),
     ])
 }
 
@@ -150,8 +150,8 @@ fn torque_waves(position: &str, orders: &[f64]) -> Candidate {
         }
         guesses.extend([
             (order, InitialGuess::At(n)),
-            (sine, InitialGuess::Times(column, 1.0)),
-            (cosine, InitialGuess::Times(column + 1, 1.0)),
+            (sine, InitialGuess::Times { regressor: column, factor: 1.0 }),
+            (cosine, InitialGuess::Times { regressor: column + 1, factor: 1.0 }),
         ]);
     }
     Candidate::new(TermKind::TorqueRipple, &[position], regressors)

@@ -28,7 +28,7 @@ pub(super) const DWELL_TIME_STATIC: Cause = Cause {
                 Candidate::single(kind, &columns, Regressor::Exact(by))
                     .starting_at(&[
                         (Id::DwellTime, InitialGuess::At(dwell_time)),
-                        (Id::DwellGain, InitialGuess::Times(0, 1.0)),
+                        (Id::DwellGain, InitialGuess::first_times(1.0)),
                     ])
                     .keeping(&[Id::DwellTravel])
             })
@@ -86,7 +86,7 @@ fn drifts(context: &FitContext) -> Vec<Candidate> {
     let candidate = |by| Candidate::single(TermKind::TimeDrift, &["time_s"], by);
     let linear = candidate(row(|r| r.level * r.sample.campaign_time_h))
         .starting_at(&[
-            (Id::DriftRate, InitialGuess::Times(0, 1.0 / 3600.0)),
+            (Id::DriftRate, InitialGuess::first_times(1.0 / 3600.0)),
             (Id::DriftAmplitude, InitialGuess::At(0.0)),
         ])
         .keeping(&[Id::DriftAmplitude, Id::DriftTime]);
@@ -96,7 +96,7 @@ fn drifts(context: &FitContext) -> Vec<Candidate> {
         candidate(row(move |r| r.level * (-r.sample.campaign_time_h / time_h).exp()))
             .starting_at(&[
                 (Id::DriftTime, InitialGuess::At((time_h * 3600.0).max(1.0))),
-                (Id::DriftAmplitude, InitialGuess::Times(0, 1.0)),
+                (Id::DriftAmplitude, InitialGuess::first_times(1.0)),
                 (Id::DriftRate, InitialGuess::At(0.0)),
             ])
             .keeping(&[Id::DriftRate])
@@ -203,7 +203,7 @@ fn heat(context: &FitContext, energy_j: f64, cooling_s: f64) -> Candidate {
     let by = Exact { kind: TermKind::WarmUp, settings, derivative: Some(Id::WarmUpFall) };
     let columns = [context.log.velocity_name()];
     Candidate::single(TermKind::WarmUp, &columns, Regressor::Exact(by)).starting_at(&[
-        (Id::WarmUpFall, InitialGuess::Times(0, 1.0)),
+        (Id::WarmUpFall, InitialGuess::first_times(1.0)),
         (Id::WarmUpEnergy, InitialGuess::At(energy)),
         (Id::WarmUpCooling, InitialGuess::At(cooling)),
     ])

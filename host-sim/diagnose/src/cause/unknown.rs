@@ -200,10 +200,10 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
         let centre = least + knot as f64 * width;
         if proportional {
             let from = if pins { least + pinned as f64 * width } else { 0.0 };
-            guesses.push((*id, InitialGuess::Times(0, centre - from)));
+            guesses.push((*id, InitialGuess::first_times(centre - from)));
             continue;
         }
-        guesses.push((*id, InitialGuess::Times(regressors.len(), 1.0)));
+        guesses.push((*id, InitialGuess::Times { regressor: regressors.len(), factor: 1.0 }));
         regressors.push(row(move |r| {
             let hat = (1.0 - ((read(r) - centre) / width).abs()).max(0.0);
             if level { hat * r.level } else { hat }
@@ -224,7 +224,7 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
     fixed.extend([Id::LookupRise, Id::LookupScale]);
     let follows = FollowedColumn {
         column: followed.name.clone(),
-        extra: followed.covariate.is_some(),
+        covariate: followed.covariate,
         level,
         proportional,
         formula: LookupFormula::None,
@@ -234,7 +234,7 @@ fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
         Candidate::new(TermKind::LookupTable, &[name], regressors)
             .starting_at(&guesses)
             .keeping(&fixed)
-            .following(follows, followed.covariate),
+            .following(follows),
     )
 }
 

@@ -45,6 +45,8 @@ fn layout_with_demand_leaves_it_out() {
     let found = read_header("time_s,velocity_rad_s,torque_nm,demand_rad,flow", "").unwrap();
     let extras: Vec<&str> = found.optional.iter().map(|c| c.name.as_str()).collect();
     assert_eq!((extras, found.left_out[0].name.as_str()), (vec!["flow"], "demand_rad"));
+    let sliding = read_header("time_s,velocity_m_s,force_n,demand_m", "").unwrap();
+    assert_eq!((sliding.optional.len(), sliding.left_out[0].name.as_str()), (0, "demand_m"));
     let mapped = "time_s,velocity_rad_s,torque_nm,demand_rad";
     let found = read_header(mapped, "position_rad=demand_rad").unwrap();
     assert_eq!(found.optional[0].quantity, Some(Quantity::Position));

@@ -1,12 +1,19 @@
 //! An armed joint: motion under current, faults, and parameters written over the bus.
 
 use compensator_core::can::NodeId;
-use compensator_core::{LawKind, ParameterId, Parameters};
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use firmware::parameter_set::ParameterSet;
-use joint_bus::canopen::Client;
-use joint_bus::parameters::{read_set, write_set};
+use firmware::supervisor::Code;
+use joint_bus::canopen::{Client, SdoError};
+use joint_bus::parameters::{ParametersError, read_set, write_set};
 use joint_rig::{JointRig, OBSERVER_SETTLING_MS, RigBus, RigFaults, SealSensorFault, run_armed};
 use simulated_machines::joint_plant::{JointPlant, Load, Parameters as Plant};
+
+/// Abort code of CiA 301: not in this state of the device.
+const WRONG_DEVICE_STATE: u32 = 0x0800_0022;
+
+/// Request to disarm, see [`JointRig::request_state`].
+const DISARM: u8 = 0;
 
 fn set() -> ParameterSet {
     let mut set = ParameterSet::default();
@@ -19,13 +26,18 @@ fn set() -> ParameterSet {
     set
 }
 
-/// Returns the position after 1 s of constant current, and whether the driver is still armed.
-fn pushed(set: &ParameterSet, seed: u64, faults: RigFaults) -> (f64, bool) {
+/// A joint after 1 s of constant current.
+struct Pushed {
+    position_rad: f64,
+    is_armed: bool,
+}
+
+fn pushed(set: &ParameterSet, seed: u64, faults: RigFaults) -> Pushed {
     let plant = JointPlant::with_phase(&Plant::default(), Load::Free, [0.1, 0.2], seed);
     let work = |rig: &mut JointRig| {
         (0..1000).for_each(|_| rig.step_with_command(1.2, 1.0));
         assert!((rig.master_view().position_rad as f64 - rig.plant().position_rad()).abs() < 0.05);
-        (rig.plant().position_rad(), rig.is_armed())
+        Pushed { position_rad: rig.plant().position_rad(), is_armed: rig.is_armed() }
     };
     run_armed(set, plant, faults, work).expect("a driver that arms")
 }
@@ -33,24 +45,84 @@ fn pushed(set: &ParameterSet, seed: u64, faults: RigFaults) -> (f64, bool) {
 #[test]
 fn armed_driver_moves_plant_and_repeats_bit_for_bit() {
     let healthy = RigFaults::default();
-    let (compensated, armed) = pushed(&set(), 1, healthy);
-    assert!(armed && compensated > 0.5, "{compensated}");
+    let Pushed { position_rad: compensated, is_armed } = pushed(&set(), 1, healthy);
+    assert!(is_armed && compensated > 0.5, "{compensated}");
     let mut off = set();
     off.friction.compensator.scale = 0.0;
-    let (stuck, _) = pushed(&off, 1, healthy);
+    let stuck = pushed(&off, 1, healthy).position_rad;
     assert!(stuck < 0.02, "1.2 A is below the breakaway: {stuck}");
-    assert_eq!(pushed(&set(), 1, healthy).0.to_bits(), compensated.to_bits());
-    assert_ne!(pushed(&set(), 2, healthy).0.to_bits(), compensated.to_bits());
-    for seal in [
-        SealSensorFault::Stale,
-        SealSensorFault::Stuck,
-        SealSensorFault::Dropped,
-        SealSensorFault::Absent,
-    ] {
-        assert!(pushed(&set(), 1, RigFaults::seal_sensor(seal)).1, "{seal:?}");
-    }
+    assert_eq!(pushed(&set(), 1, healthy).position_rad.to_bits(), compensated.to_bits());
+    assert_ne!(pushed(&set(), 2, healthy).position_rad.to_bits(), compensated.to_bits());
     let late = RigFaults { delay_ms: 3, encoder_lost: 0.05, ..RigFaults::default() };
-    assert!(pushed(&set(), 1, late).1);
+    assert!(pushed(&set(), 1, late).is_armed);
+}
+
+const STALE: [Code; 2] = [Code::RadialForceStale, Code::PressureStale];
+const STUCK: [Code; 2] = [Code::RadialForceStuck, Code::PressureStuck];
+
+/// A loaded joint after 3 s at 1 rad/s with a fault of its side-load and pressure sensors.
+#[derive(Debug)]
+struct Loaded {
+    is_armed: bool,
+    /// What it reports of [`STALE`] and [`STUCK`].
+    reported: Vec<Code>,
+    position_rad: f64,
+    velocity_rad_s: f64,
+}
+
+fn loaded(set: &ParameterSet, seal: SealSensorFault) -> Loaded {
+    let plant = JointPlant::with_phase(&Plant::default(), Load::Free, [0.1, 0.2], 1);
+    let work = |rig: &mut JointRig| {
+        let plant = &mut rig.stage_mut().plant;
+        (plant.side_load_n, plant.around.pressure_diff_pa) = (100.0, 2e5);
+        // Two of the faults begin 1.5 s after power-up.
+        for _ in 0..3000 {
+            let error_rad_s = 1.0 - rig.plant().velocity_rad_s();
+            rig.step_with_command((10.0 * error_rad_s) as f32, 1.0);
+        }
+        let limits = rig.active_limits();
+        Loaded {
+            is_armed: rig.is_armed(),
+            reported: STALE
+                .into_iter()
+                .chain(STUCK)
+                .filter(|code| limits.contains(*code))
+                .collect(),
+            position_rad: rig.plant().position_rad(),
+            velocity_rad_s: rig.plant().velocity_rad_s(),
+        }
+    };
+    run_armed(set, plant, RigFaults::seal_sensor(seal), work).expect("a driver that arms")
+}
+
+#[test]
+fn joint_with_failed_seal_sensors_reports_them_and_keeps_moving() {
+    let mut set = set();
+    let model = &mut set.friction.model;
+    for term in [TermKind::RadialForceCoulomb, TermKind::PressureCoulomb] {
+        assert!(model.add_term(term));
+    }
+    model.set(ParameterId::RadialForceCoulomb, 0.005);
+    model.set(ParameterId::PressureCoulomb, 2e-6);
+    model.envelope.radial_force_max_n = 400.0;
+    model.envelope.pressure_diff_max_pa = 4e5;
+    let healthy = loaded(&set, SealSensorFault::None);
+    println!("{healthy:?}");
+    assert!(healthy.is_armed && healthy.reported.is_empty());
+    for (seal, expected) in [
+        (SealSensorFault::Dropped, &[][..]),
+        (SealSensorFault::Stale, &STALE),
+        // A stuck reading ages from the first equal one on.
+        (SealSensorFault::Stuck, &[STALE, STUCK].concat()),
+        (SealSensorFault::Absent, &STALE),
+    ] {
+        let joint = loaded(&set, seal);
+        println!("{seal:?}: {joint:?}");
+        assert!(joint.is_armed && (0.8..1.1).contains(&joint.velocity_rad_s), "{seal:?}");
+        assert_eq!(joint.reported, expected, "{seal:?}");
+        // The failed readings reach the model, so the joint moves otherwise.
+        assert_ne!(joint.position_rad, healthy.position_rad, "{seal:?}");
+    }
 }
 
 #[test]
@@ -66,9 +138,11 @@ fn parameter_set_written_over_bus_takes_effect_after_disarming() {
         let before = moved(rig);
         let mut client = Client::new(RigBus::new(rig), NodeId::FIRST);
         let refused = write_set(&mut client, &set()).expect_err("it is armed");
-        // Abort code of CiA 301: not in this state of the device.
-        assert!(refused.to_string().contains("08000022"), "{refused}");
-        rig.request_state(0);
+        let ParametersError::Sdo(SdoError::Refused { code, .. }) = refused else {
+            panic!("{refused}")
+        };
+        assert_eq!(code, WRONG_DEVICE_STATE);
+        rig.request_state(DISARM);
         (0..OBSERVER_SETTLING_MS).for_each(|_| rig.step_idle());
         let mut client = Client::new(RigBus::new(rig), NodeId::FIRST);
         assert_eq!(write_set(&mut client, &set()).expect("a set"), set().crc());
