@@ -73,10 +73,10 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// The joint the README hides its cause in: `simulate underwater-joint --hide pressure-coulomb --seed 5`.
+/// The joint the README hides its cause in: `simulate underwater-joint --hide pressure-coulomb --seed 9`.
 #[test]
 fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
-    let case = Case::hidden(&[HiddenCause::PressureCoulomb], 5);
+    let case = Case::hidden(&[HiddenCause::PressureCoulomb], 9);
     picture::compare(&picture::svg(&case.page(&[])));
     let visible = without_scripts(&case.html());
     let charts = charts(&visible);
@@ -85,19 +85,19 @@ fn first_screen_of_readme_shows_effect_gain_and_possible_experiment() {
         ["logged", "before", "after"].map(|name| values(&charts, "Torque over time", name));
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let [missed, left] = [&before, &after].map(|model| (mean(&logged) - mean(model)).abs());
-    assert!(missed > 0.03, "the effect is 0.044 Nm RMS, and here it is larger: {missed}");
+    assert!(missed > 0.2, "the effect is 0.37 Nm RMS: {missed}");
     assert!(left < missed / 2.0, "the extension is nearer to the logged torque: {left}, {missed}");
-    // The noise is twice the effect, so the points are means; the gains of 3 % and 60 % are explained.
+    // The points are means over the noise, which is half of the effect.
     if cfg!(feature = "stochastic") {
         snapshot::check("diagnosis-page", "the joint of the README", &sentences(&visible));
     }
+    assert!(visible.contains("0.1865"), "the error with the extension");
     assert!(
-        visible.contains("noise floor of 0.0848") && visible.contains("93\u{a0}% of"),
-        "the floor"
+        visible.contains("params.toml has lugre+pressure-coulomb"),
+        "the cause is in the model"
     );
-    // The log has no side load, so the joint may have no sensor for it.
     let next = summary::next_experiment(&case.found);
-    assert!(!case.found.log.has_column("radial_force_n") && !next.contains("side load"), "{next}");
+    assert!(next.contains("another day"), "{next}");
 }
 
 #[test]
