@@ -173,7 +173,7 @@ impl HilReply {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HilStep {
     /// A sample was computed; the number of SYNCs lost before it.
-    Reply(HilReply, u8),
+    Reply(HilReply, u32),
     /// The same SYNC was received again and ignored.
     Duplicate,
     /// A SYNC older than the last one was received and ignored.
@@ -358,13 +358,13 @@ impl HilJoint {
     fn learn(&self, learner: &mut LevelLearner, blocked: Option<Frozen>, flags: Flags) {
         let inputs = self.inbox.inputs::<f32>(self.setup.period_s, self.setup.campaign_h);
         let torque = self.inbox.torque_nm(self.setup.period_s);
-        let torque = torque.filter(|reading| reading.age_s < TORQUE_HELD_S);
+        let is_held = (0.0..TORQUE_HELD_S).contains(&torque.age_s);
         let is_known = inputs.position_rad.age_s >= 0.0;
         learner.take_covariates(&Covariates::of_inputs(&inputs));
         let sample = LearningSample {
             velocity_rad_s: inputs.velocity_rad_s.value,
             position_rad: if is_known { inputs.position_rad.value } else { f32::NAN },
-            torque_nm: torque.map_or(f32::NAN, |reading| reading.value),
+            torque_nm: if is_held { torque.value } else { f32::NAN },
             loop_flags: LoopFlags::empty(),
             flags,
             campaign_time_h: inputs.campaign_time_h,
@@ -393,8 +393,8 @@ fn reply<T: Real<Setting = f32>>(
         outside.set(Flags::NETWORK_OUTSIDE, supplier.state().is_outside);
     }
     let output = compensator.step(&inputs);
-    let command = inbox.command_current_a(setup.period_s).map_or(0.0, |reading| reading.value);
-    let (current, flags) = compensator.sum(T::from_setting(command), &output);
+    let command = T::from_setting(inbox.command_current_a());
+    let (current, flags) = compensator.sum(command, &output);
     let flags = flags | outside;
     // The conversion to `f32` through `f64`, which holds both types exactly, rounds once.
     let number = |value: T| value.value() as f32;

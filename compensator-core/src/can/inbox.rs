@@ -3,8 +3,9 @@
 //! Frames received before a SYNC belong to its sample. A quantity that is not received again keeps its last
 //! value, and its age grows by one sample period per SYNC. A slow sensor may therefore send once per second.
 //! NaN means that the quantity has no sensor; it counts as never received, not as invalid. The SYNC counter
-//! identifies duplicate, late and lost SYNCs. Only a new SYNC completes a sample. A driver in HIL and the PC
-//! that checks it run this same code, each on its own frames.
+//! identifies duplicate, late and lost SYNCs. Only a new SYNC completes a sample. A trace may announce the number
+//! of the next sample: the next SYNC then completes that sample, whatever its counter, as in a log that the PC
+//! reads. A driver in HIL and the PC that checks it run this same code, each on its own frames.
 
 use super::{
     CommandFrame, Message, MotionFrame, NodeId, SealFrame, SurroundingsFrame, SyncFrame,
@@ -18,8 +19,8 @@ use crate::quantity::{Inputs, Reading};
 pub enum SyncOutcome {
     /// The SYNC completes a sample.
     Sample {
-        /// Number of SYNCs lost before this one.
-        lost: u8,
+        /// Number of SYNCs lost before this one. Without an announced number, it is known modulo 240.
+        lost: u32,
     },
     /// The SYNC repeats the last one.
     Duplicate,
@@ -43,8 +44,10 @@ pub struct SampleAssembler {
     seal: Option<Received<SealFrame>>,
     surroundings: Option<Received<SurroundingsFrame>>,
     command: Option<Received<CommandFrame>>,
-    /// Number of the current sample in its run, from 0.
+    /// Number of the current sample in its run, from 0, if no SYNC before it is lost.
     next: u32,
+    /// Number announced for the current sample by a trace.
+    announced: Option<u32>,
     /// Counter of the last SYNC; `None` before the first.
     last_counter: Option<u8>,
 }
@@ -60,6 +63,7 @@ impl SampleAssembler {
             surroundings: None,
             command: None,
             next: 0,
+            announced: None,
             last_counter: None,
         }
     }
@@ -69,33 +73,26 @@ impl SampleAssembler {
     /// Returns true if a new run begins. All received values are then discarded, and the caller must clear the
     /// state of the model.
     pub fn take(&mut self, message: &Message) -> bool {
-        let is_addressed = |node: NodeId| node == self.node;
+        if message.node() != Some(self.node) {
+            return false;
+        }
         match *message {
-            Message::Motion(node, value) if is_addressed(node) => {
-                self.motion = Some(received(value))
-            }
-            Message::Torque(node, value) if is_addressed(node) => {
-                self.torque = Some(received(value))
-            }
-            Message::Seal(node, value) if is_addressed(node) => self.seal = Some(received(value)),
-            Message::Surroundings(node, value) if is_addressed(node) => {
-                self.surroundings = Some(received(value));
-            }
-            Message::Command(node, value) if is_addressed(node) => {
+            Message::Motion(_, value) => self.motion = Some(received(value)),
+            Message::Torque(_, value) => self.torque = Some(received(value)),
+            Message::Seal(_, value) => self.seal = Some(received(value)),
+            Message::Surroundings(_, value) => self.surroundings = Some(received(value)),
+            Message::Command(_, value) => {
                 // A repeated counter is not a new command: its age continues.
-                let repeated =
-                    self.command.is_some_and(|received| received.value.counter == value.counter);
-                if !repeated {
+                let last_counter = self.command.map(|received| received.value.counter);
+                if last_counter != Some(value.counter) {
                     self.command = Some(received(value));
                 }
             }
-            Message::Entry(node, TraceEntry::Run(_)) if is_addressed(node) => {
+            Message::Entry(_, TraceEntry::Run(_)) => {
                 *self = Self::new(self.node);
                 return true;
             }
-            Message::Entry(node, TraceEntry::Sequence(number)) if is_addressed(node) => {
-                self.next = number
-            }
+            Message::Entry(_, TraceEntry::Sequence(number)) => self.announced = Some(number),
             _ => {}
         }
         false
@@ -108,11 +105,12 @@ impl SampleAssembler {
 
     /// Processes a SYNC and classifies it.
     pub fn sync(&mut self, sync: SyncFrame) -> SyncOutcome {
-        let ring = u16::from(SyncFrame::LAST);
-        let lost = match self.last_counter {
-            None => 0,
-            Some(last) => {
-                let ahead = (ring + u16::from(sync.counter) - u16::from(last)) % ring;
+        let number = match (self.announced.take(), self.last_counter) {
+            (Some(announced), _) => announced,
+            (None, None) => self.next,
+            (None, Some(last)) => {
+                let ring = u32::from(SyncFrame::LAST);
+                let ahead = (ring + u32::from(sync.counter) - u32::from(last)) % ring;
                 if ahead == 0 {
                     return SyncOutcome::Duplicate;
                 }
@@ -120,17 +118,22 @@ impl SampleAssembler {
                 if ahead > ring / 2 {
                     return SyncOutcome::Late;
                 }
-                (ahead - 1) as u8
+                self.next.wrapping_add(ahead - 1)
             }
         };
-        self.last_counter = Some(sync.counter);
-        self.next = self.next.wrapping_add(u32::from(lost));
+        // Losses before the first SYNC are unknown, and none precede a number that goes back.
+        let lost = self.last_counter.map_or(0, |_| number.saturating_sub(self.next));
+        (self.next, self.last_counter) = (number, Some(sync.counter));
+        if lost > 0 {
+            // A value of age 0 may have been received after the lost SYNCs; it counts as one of this sample.
+            self.age_values(lost, 1);
+        }
         SyncOutcome::Sample { lost }
     }
 
     /// Number in its run of the sample that the last SYNC completed, or that the next one will complete.
-    pub const fn sequence(&self) -> u32 {
-        self.next
+    pub fn sequence(&self) -> u32 {
+        self.announced.unwrap_or(self.next)
     }
 
     /// Measured torque of the sample, Nm; NaN if it was not measured or not received in this sample.
@@ -140,20 +143,14 @@ impl SampleAssembler {
             .map_or(f32::NAN, |received| received.value.torque_nm)
     }
 
-    /// Last measured torque, Nm, and its age, s; `None` before the first.
-    pub fn torque_nm(&self, period_s: f32) -> Option<Reading<f32>> {
-        self.torque.map(|received| Reading {
-            value: received.value.torque_nm,
-            age_s: received.age as f32 * period_s,
-        })
+    /// Last measured torque, Nm, and its age, s.
+    pub fn torque_nm(&self, period_s: f32) -> Reading<f32> {
+        reading(self.torque, period_s, |torque| torque.torque_nm)
     }
 
-    /// Commanded current, A, and its age, s; `None` before the first command.
-    pub fn command_current_a(&self, period_s: f32) -> Option<Reading<f32>> {
-        self.command.map(|received| Reading {
-            value: received.value.current_a,
-            age_s: received.age as f32 * period_s,
-        })
+    /// Commanded current, A, as received; 0 before the first command. The compensator flags one that is not finite.
+    pub fn command_current_a(&self) -> f32 {
+        self.command.map_or(0.0, |received| received.value.current_a)
     }
 
     /// Returns the inputs of the sample.
@@ -165,7 +162,7 @@ impl SampleAssembler {
         let seal = |of: fn(&SealFrame) -> f32| reading(self.seal, period_s, of);
         let surroundings =
             |of: fn(&SurroundingsFrame) -> f32| reading(self.surroundings, period_s, of);
-        let campaign = campaign_h + self.next as f32 * (period_s / 3600.0);
+        let campaign = campaign_h + self.sequence() as f32 * (period_s / 3600.0);
         Inputs {
             // No `..Inputs::missing()`: a new covariate must be assigned its frame here.
             velocity_rad_s: motion(|of| of.velocity_rad_s),
@@ -186,11 +183,16 @@ impl SampleAssembler {
     /// Ends the sample: the age of every received value grows by one sample.
     pub fn end_sample(&mut self) {
         self.next = self.next.wrapping_add(1);
-        age(&mut self.motion);
-        age(&mut self.torque);
-        age(&mut self.seal);
-        age(&mut self.surroundings);
-        age(&mut self.command);
+        self.age_values(1, 0);
+    }
+
+    /// Adds samples to the age of every received value that is at least `youngest` samples old.
+    fn age_values(&mut self, samples: u32, youngest: u32) {
+        age(&mut self.motion, samples, youngest);
+        age(&mut self.torque, samples, youngest);
+        age(&mut self.seal, samples, youngest);
+        age(&mut self.surroundings, samples, youngest);
+        age(&mut self.command, samples, youngest);
     }
 }
 
@@ -198,9 +200,9 @@ fn received<M>(value: M) -> Received<M> {
     Received { value, age: 0 }
 }
 
-fn age<M>(received: &mut Option<Received<M>>) {
-    if let Some(received) = received {
-        received.age = received.age.saturating_add(1);
+fn age<M>(received: &mut Option<Received<M>>, samples: u32, youngest: u32) {
+    if let Some(received) = received.as_mut().filter(|received| received.age >= youngest) {
+        received.age = received.age.saturating_add(samples);
     }
 }
 
@@ -273,6 +275,57 @@ mod tests {
     }
 
     #[test]
+    fn sync_after_announced_number_completes_that_sample() {
+        let entry = |number| Message::Entry(NodeId::FIRST, TraceEntry::Sequence(number));
+        // SYNCs are lost before the announced one: one, more than half the counter range, all of it, and more.
+        for (announced, lost) in [(240, 1), (439, 200), (479, 240), (1239, 1000)] {
+            let mut inbox = SampleAssembler::new(NodeId::FIRST);
+            inbox.take(&entry(238));
+            assert_eq!(inbox.sync(SyncFrame::of(238)), SyncOutcome::Sample { lost: 0 });
+            inbox.end_sample();
+            inbox.take(&entry(announced));
+            assert_eq!(inbox.sequence(), announced);
+            assert_eq!(inbox.sync(SyncFrame::of(announced)), SyncOutcome::Sample { lost });
+            assert_eq!(inbox.sequence(), announced);
+            inbox.end_sample();
+            assert_eq!(inbox.sync(SyncFrame::of(announced)), SyncOutcome::Duplicate);
+            assert_eq!(inbox.sync(SyncFrame::of(announced + 1)), SyncOutcome::Sample { lost: 0 });
+            assert_eq!(inbox.sequence(), announced + 1);
+        }
+        // The master begins again without a new run.
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
+        inbox.sync(sync(30));
+        inbox.end_sample();
+        inbox.take(&entry(0));
+        assert_eq!(inbox.sync(sync(1)), SyncOutcome::Sample { lost: 0 });
+        assert_eq!(inbox.sequence(), 0);
+    }
+
+    #[test]
+    fn sync_after_lost_ones_ages_values_received_before_the_last_sync() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
+        inbox.take(&moving(1.0, 1.0));
+        let torque = TorqueFrame { torque_nm: 3.0, load_torque_nm: f32::NAN };
+        inbox.take(&Message::Torque(NodeId::FIRST, torque));
+        inbox.sync(sync(1));
+        inbox.end_sample();
+        // Three SYNCs are lost. Only the motion is received again.
+        inbox.take(&moving(2.0, 2.0));
+        assert_eq!(inbox.sync(sync(5)), SyncOutcome::Sample { lost: 3 });
+        assert_eq!(inbox.torque_nm(PERIOD_S).age_s, 4.0 * PERIOD_S);
+        let inputs: Inputs<f32> = inbox.inputs(PERIOD_S, 0.0);
+        assert_eq!((inputs.position_rad.value, inputs.position_rad.age_s), (2.0, 0.0));
+    }
+
+    #[test]
+    fn torque_that_is_not_measured_counts_as_never_received() {
+        let mut inbox = SampleAssembler::new(NodeId::FIRST);
+        let torque = TorqueFrame { torque_nm: f32::NAN, load_torque_nm: 6.0 };
+        inbox.take(&Message::Torque(NodeId::FIRST, torque));
+        assert!(inbox.torque_nm(PERIOD_S).age_s < 0.0);
+    }
+
+    #[test]
     fn take_with_run_entry_discards_received_values() {
         let mut inbox = SampleAssembler::new(NodeId::FIRST);
         inbox.take(&moving(1.0, 1.0));
@@ -295,11 +348,13 @@ mod tests {
         inbox.take(&command(7));
         inbox.end_sample();
         inbox.take(&command(7));
-        assert_eq!(inbox.command_current_a(PERIOD_S).unwrap().age_s, PERIOD_S);
-        inbox.take(&command(8));
-        assert_eq!(inbox.command_current_a(PERIOD_S).unwrap().age_s, 0.0);
         let inputs: Inputs<f32> = inbox.inputs(PERIOD_S, 0.0);
+        assert_eq!(inputs.velocity_reference_rad_s.age_s, PERIOD_S);
+        inbox.take(&command(8));
+        let inputs: Inputs<f32> = inbox.inputs(PERIOD_S, 0.0);
+        assert_eq!(inputs.velocity_reference_rad_s.age_s, 0.0);
         assert_eq!(inputs.velocity_reference_rad_s.value, 0.5);
+        assert_eq!(inbox.command_current_a(), 2.0);
     }
 
     #[test]

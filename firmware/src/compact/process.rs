@@ -44,9 +44,7 @@ impl<F: NorFlash> Device<F> {
         match self.samples.sync(sync) {
             SyncOutcome::Duplicate => return count(&mut self.base.counters.sync_duplicate, 1),
             SyncOutcome::Late => return count(&mut self.base.counters.sync_late, 1),
-            SyncOutcome::Sample { lost } => {
-                count(&mut self.base.counters.sync_lost, u32::from(lost))
-            }
+            SyncOutcome::Sample { lost } => count(&mut self.base.counters.sync_lost, lost),
         }
         let sequence = self.samples.sequence();
         self.samples.end_sample();

@@ -62,13 +62,13 @@ use std::collections::VecDeque;
 const NODE: NodeId = NodeId::FIRST;
 
 /// Periods of the current loop per millisecond.
-const PERIODS_PER_MS: usize = (1e-3 / PERIOD_S + 0.5) as usize;
+pub const PERIODS_PER_MS: usize = (1e-3 / PERIOD_S + 0.5) as usize;
 
 /// Settling time of the angle observer, ms: a triple pole at 100 Hz, with margin.
 pub const OBSERVER_SETTLING_MS: usize = 150;
 
 /// Maximum time from the arming request to the armed state, ms; the bridge finds its offsets in it.
-const ARMING_TIMEOUT_MS: usize = 60;
+pub const ARMING_TIMEOUT_MS: usize = 60;
 
 /// Interval between temperature frames, ms; a thermometer is slow.
 const TEMPERATURE_INTERVAL_MS: u32 = 50;

@@ -19,10 +19,10 @@ struct Arguments {
     #[arg(long)]
     quick: bool,
     /// Joints per drift; 0 leaves its tables
-    #[arg(long, default_value_t = 16)]
+    #[arg(long, default_value_t = 24)]
     drifting: u64,
     /// Joints that do not change, over two hours; 0 leaves its tables
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 20)]
     steady: u64,
     /// Courses that lie; 0 leaves its tables
     #[arg(long, default_value_t = 1000)]

@@ -19,7 +19,7 @@ pub struct Demand {
 /// Habits of a joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Habits {
-    /// Largest distance from the middle, rad.
+    /// Largest distance from the middle, rad. A stroke that would exceed it is reversed, and ends inside it.
     pub range_rad: f64,
     /// Slowest and fastest stroke, rad/s.
     pub speed_rad_s: [f64; 2],
@@ -29,10 +29,10 @@ pub struct Habits {
     pub acceleration_rad_s2: f64,
     /// Probability of a rest after a stroke.
     pub rest_probability: f64,
-    /// Longest rest, s.
+    /// Longest rest, s; at least 0.1.
     pub longest_rest_s: f64,
     /// Probability of a one-sided stretch: several strokes in one direction.
-    pub one_sided: f64,
+    pub one_sided_probability: f64,
 }
 
 impl Habits {
@@ -45,7 +45,7 @@ impl Habits {
             acceleration_rad_s2: random.log_between(3.0, 15.0),
             rest_probability: random.between(0.1, 0.6),
             longest_rest_s: random.log_between(0.5, 5.0),
-            one_sided: random.between(0.0, 0.2),
+            one_sided_probability: random.between(0.0, 0.2),
         }
     }
 }
@@ -142,7 +142,7 @@ impl Motion {
             acceleration_rad_s2: 10.0,
             rest_probability: 0.0,
             longest_rest_s: 1.0,
-            one_sided: 0.0,
+            one_sided_probability: 0.0,
         };
         let mut motion = Self::everyday(habits, 0, middle_rad);
         parts.reverse();
@@ -156,7 +156,7 @@ impl Motion {
         self.planned.iter().rev().map(|part| part.duration_s).sum()
     }
 
-    /// Lets the joint turn in one direction only, or as usual.
+    /// Lets the joint turn in one direction only, without a range, or as usual around the position it has reached.
     pub fn set_one_sided(&mut self, is_one_sided: bool) {
         if self.is_one_sided && !is_one_sided {
             self.middle_rad = self.demand.position_rad;
@@ -164,7 +164,7 @@ impl Motion {
         self.is_one_sided = is_one_sided;
     }
 
-    /// Keeps the joint at rest after the present stroke, or lets it move again.
+    /// Keeps the joint at rest after the present stroke, or lets it move again. Planned parts are not affected.
     pub fn set_stopped(&mut self, is_stopped: bool) {
         self.is_stopped = is_stopped;
     }
@@ -195,13 +195,13 @@ impl Motion {
         }
         let (habits, random) = (&self.habits, &mut self.random);
         if self.part.velocity_rad_s != 0.0 && random.chance(habits.rest_probability) {
-            return Part::rest(random.log_between(0.1, habits.longest_rest_s.max(0.2)));
+            return Part::rest(random.log_between(0.1, habits.longest_rest_s));
         }
-        if self.stretch_strokes == 0 && random.chance(habits.one_sided) {
+        if self.stretch_strokes == 0 && random.chance(habits.one_sided_probability) {
             self.stretch_strokes = 4 + random.below(6);
             self.stretch_direction = random.sign();
         }
-        let way = random.log_between(habits.stroke_rad[0], habits.stroke_rad[1]);
+        let mut way = random.log_between(habits.stroke_rad[0], habits.stroke_rad[1]);
         let mut direction = random.sign();
         if self.stretch_strokes > 0 {
             self.stretch_strokes -= 1;
@@ -210,6 +210,7 @@ impl Motion {
         let from = self.demand.position_rad - self.middle_rad;
         if (from + direction * way).abs() > habits.range_rad {
             direction = -from.signum();
+            way = way.min(habits.range_rad + from.abs());
         }
         if self.is_one_sided {
             direction = 1.0;
@@ -225,8 +226,11 @@ mod tests {
 
     #[test]
     fn step_of_drawn_motion_stays_within_speed_and_range() {
-        for seed in 0..20 {
-            let habits = Habits::draw(&mut course_sampler(seed, Purpose::Joint));
+        for seed in 0..60 {
+            let drawn = Habits::draw(&mut course_sampler(seed, Purpose::Joint));
+            // Every other joint has a range shorter than its strokes.
+            let range_rad = if seed % 2 == 0 { drawn.range_rad } else { 0.25 };
+            let habits = Habits { range_rad, ..drawn };
             let mut motion = Motion::everyday(habits, seed, 0.0);
             for _ in 0..60_000 {
                 let demand = motion.step(1e-3);

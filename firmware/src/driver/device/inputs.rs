@@ -119,7 +119,7 @@ impl<F: NorFlash> Device<F> {
             }
             InputSource::Sensors => self.samples.hil.sync(sync),
         };
-        let lost = match step {
+        match step {
             HilStep::Duplicate => {
                 count(&mut self.base.counters.sync_duplicate, 1);
                 return None;
@@ -129,15 +129,12 @@ impl<F: NorFlash> Device<F> {
                 return None;
             }
             HilStep::Reply(reply, lost) => {
-                if self.base.settings.source == InputSource::Bus {
-                    self.samples.reply = reply;
-                }
-                lost
+                count(&mut self.base.counters.sync_lost, lost);
+                self.samples.reply = match self.base.settings.source {
+                    InputSource::Bus => reply,
+                    InputSource::Sensors => self.measured_reply(),
+                };
             }
-        };
-        count(&mut self.base.counters.sync_lost, u32::from(lost));
-        if self.base.settings.source == InputSource::Sensors {
-            self.samples.reply = self.measured_reply();
         }
         let reply = self.samples.reply;
         if self.base.settings.source == InputSource::Bus

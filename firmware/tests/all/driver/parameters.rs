@@ -6,7 +6,7 @@ use compensator_core::{LawKind, ParameterId, record};
 use firmware::control::MotorParameters;
 use firmware::driver::Boot;
 use firmware::loop_parts::StageTraits;
-use firmware::node::dictionary::{LOAD_SIGNATURE, OBJECTS, SAVE_SIGNATURE, index};
+use firmware::node::dictionary::{Access, LOAD_SIGNATURE, OBJECTS, SAVE_SIGNATURE, index};
 use firmware::node_settings::InputSource;
 use firmware::parameter_set::ParameterSet;
 use firmware::store::memory::TornStep;
@@ -37,10 +37,11 @@ fn every_object_can_be_read_or_returns_its_abort_code() {
             let is_list = object.index == index::ERROR_FIELD && sub_index > 0;
             match value {
                 Ok(value) => {
+                    assert_ne!(entry.access, Access::WriteOnly, "{entry:?}");
                     let length = entry.data.length();
                     assert!(length.is_none_or(|length| length == value.len()), "{entry:?}");
                 }
-                Err(0x0601_0001) => assert!(format!("{:?}", entry.access) == "WriteOnly"),
+                Err(0x0601_0001) => assert_eq!(entry.access, Access::WriteOnly, "{entry:?}"),
                 // The list of errors is as long as there are errors.
                 Err(0x0609_0011) => assert!(is_list, "{object:?} {sub_index}"),
                 // There is no capture, and no trend.

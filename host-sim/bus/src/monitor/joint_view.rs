@@ -199,7 +199,7 @@ impl JointView {
                 self.rates.at(time_ns).samples += 1;
                 if lost > 0 {
                     self.syncs.lost += u64::from(lost);
-                    self.log_loss(lost, time_ns);
+                    self.log_loss(lost.into(), time_ns);
                 }
             }
             SyncOutcome::Duplicate => self.syncs.duplicate += 1,
@@ -208,18 +208,18 @@ impl JointView {
     }
 
     /// Logs losses, one line per second, so that a bad cable does not displace all other events.
-    fn log_loss(&mut self, lost: u8, time_ns: u64) {
+    fn log_loss(&mut self, lost: u64, time_ns: u64) {
         let line = |count: u64| format!("{count} SYNC{} lost", if count == 1 { "" } else { "s" });
         let (begun_ns, count) = self.losses;
         let continues = time_ns.saturating_sub(begun_ns) < SYNC_PAUSE_NS && count > 0;
         let was = line(count);
         if continues && let Some(event) = self.events.back_mut().filter(|event| event.text == was) {
-            self.losses.1 += u64::from(lost);
+            self.losses.1 += lost;
             event.text = line(self.losses.1);
             return;
         }
-        self.losses = (time_ns, u64::from(lost));
-        self.log(time_ns, EventKind::Warning, line(u64::from(lost)));
+        self.losses = (time_ns, lost);
+        self.log(time_ns, EventKind::Warning, line(lost));
     }
 
     fn heartbeat(&mut self, frame: &Frame, time_ns: u64) -> bool {

@@ -190,7 +190,7 @@ impl<T: Number> CompensatedJoint<T> {
 impl<T: Number> Joint for CompensatedJoint<T> {
     fn step(&mut self, inbox: &SampleAssembler) -> [u32; WORDS] {
         let inputs = inbox.inputs::<T>(PERIOD_S, CAMPAIGN_H);
-        let command = inbox.command_current_a(PERIOD_S).map_or(0.0, |reading| reading.value);
+        let command = inbox.command_current_a();
         let (friction, forward, current, flags) =
             T::update(&mut self.compensator, &inputs, T::from_setting(command));
         // The velocity may be any number; the covariates are constant.

@@ -244,7 +244,7 @@ fn follow(rig: &mut JointRig, case: &Case, seed: u64, [from_s, to_s]: [f64; 2]) 
         acceleration_rad_s2: 8.0,
         rest_probability: 0.3,
         longest_rest_s: 0.6,
-        one_sided: 0.05,
+        one_sided_probability: 0.05,
     };
     let mut motion = Motion::everyday(habits, seed, enable(rig));
     let mut late = VecDeque::new();
