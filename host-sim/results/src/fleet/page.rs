@@ -6,14 +6,13 @@
 
 use super::comparison::MIN_COMPARED;
 use super::joint::{JointSummary, level_unit, summarise};
-use super::statistics::{FLEET_SIGNIFICANCE, Limit, Trend, trends};
+use super::statistics::{FLEET_SIGNIFICANCE, Limit, Trend, middle, trends};
 use super::{Ageing, FleetRow, LEVELS};
 use crate::page::words::counted;
 use crate::report::{
     Answers, Axis, Benefit, Block, Cell, Chart, Finder, Page, Section, Series, Table,
 };
 use joint_log::number::{count, significant};
-use joint_log::statistics::median_of_sorted;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest number of rows in a list.
@@ -48,8 +47,7 @@ pub fn page(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Page {
 fn answers(rows: &[FleetRow], joints: &[JointSummary]) -> Answers {
     let diagnosed = rows.iter().filter(|row| row.is_ok());
     let gains = diagnosed.clone().filter(|row| row.cause != "none").filter_map(|row| row.gain);
-    let mut gains: Vec<f64> = gains.collect();
-    gains.sort_by(f64::total_cmp);
+    let gains: Vec<f64> = gains.collect();
     Answers {
         what: format!(
             "The friction of {} in {}, side by side and over time.",
@@ -66,7 +64,7 @@ fn answers(rows: &[FleetRow], joints: &[JointSummary]) -> Answers {
             true => Benefit::Purpose("It shows which joints need attention, and why.".into()),
             false => Benefit::Gain(format!(
                 "Where a cause is named, the extension reduces the held-out error by {}\u{a0}% (median of {}).",
-                significant(100.0 * median_of_sorted(&gains), 2),
+                significant(100.0 * middle(gains.iter().copied()), 2),
                 counted(gains.len(), "log")
             )),
         },

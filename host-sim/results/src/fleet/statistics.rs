@@ -6,6 +6,7 @@
 //! fleet (Bonferroni), so that a thousand healthy joints do not give fifty trends.
 
 use super::{FleetRow, LEVELS, Level};
+use joint_log::statistics::median_of_sorted;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 
@@ -99,6 +100,13 @@ pub fn trends(rows: &[FleetRow], limits: &[Limit]) -> Vec<Trend> {
     trends.iter_mut().for_each(|trend| trend.is_significant = trend.p_value < significance);
     trends.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     trends
+}
+
+/// Returns the median; of no values NaN.
+pub(super) fn middle(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    median_of_sorted(&sorted)
 }
 
 /// Fits a line to points that are sorted by time; `None` if there are too few.
