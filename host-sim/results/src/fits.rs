@@ -3,7 +3,7 @@
 use crate::files::{Files, pretty};
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
-use crate::{Comparison, FitReport, ResultError, compare_fits, document, page};
+use crate::{Comparison, FitReport, ResultError, compare_fits, document};
 use friction_diagnose::hand_over::BesidePlain;
 use friction_diagnose::prepare::Prepared;
 use friction_fit::{Measurement, Outcome};
@@ -72,7 +72,7 @@ pub fn fit_parameter_text(fit: &Outcome, input: &Prepared) -> String {
 
 /// Returns `fit.html` of a fit.
 pub fn fit_page(fit: &Outcome, input: &Prepared) -> String {
-    page(&report(input, from_ref(fit))).render()
+    compare_fits(&report(input, from_ref(fit))).page.render()
 }
 
 /// Returns the result files of one fit: `fit.json`, `fit.html`, and `params.toml` and `rows.parquet` of what is handed over.

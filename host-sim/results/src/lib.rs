@@ -57,6 +57,6 @@ pub use error::ResultError;
 pub use files::{Files, pretty};
 pub use json::document;
 #[cfg(feature = "pages")]
-pub use page::{Comparison, FitReport, compare_fits, page};
+pub use page::{Comparison, FitReport, compare_fits};
 pub use predicted::ROWS_FILE;
 pub use write::write_atomically;

@@ -5,7 +5,7 @@
 //! from the same values as the tables.
 //!
 //! Structure: `held_out` (rows and simulations) -> `summary`, `figures`, `tables`, `words`, `glossary` (one block each)
-//! -> [`page`] (the order of the blocks). The best three models and the simplest one are visible; the others are in
+//! -> [`compare_fits`] (the order of the blocks). The best three models and the simplest one are visible; the others are in
 //! collapsed blocks.
 
 mod figures;
@@ -127,14 +127,6 @@ pub struct Comparison {
     pub summary: [String; 5],
     /// Index of the recommended fit: the best on held-out rows, or the smallest one that is not significantly worse.
     pub chosen: usize,
-}
-
-/// Returns the page of fits to the same data.
-///
-/// # Panics
-/// If there is no fit.
-pub fn page(study: &FitReport) -> Page {
-    compare_fits(study).page
 }
 
 /// Compares fits to the same data.

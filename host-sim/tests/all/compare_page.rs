@@ -10,7 +10,7 @@ use crate::drawn_chart::{between, charts, sentences, without_scripts};
 use crate::snapshot;
 use friction_fit::spec::Spec;
 use friction_fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
-use friction_results::{FitReport, page};
+use friction_results::{FitReport, compare_fits};
 use host_sim::simulated;
 use joint_log::{Dataset, Run, Split, SplitRule, split};
 use serde_json::Value;
@@ -69,7 +69,7 @@ impl Case {
             skip: 0,
             fits: &fits,
         };
-        without_scripts(&page(&study).render())
+        without_scripts(&compare_fits(&study).page.render())
     }
 }
 

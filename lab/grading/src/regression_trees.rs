@@ -143,7 +143,8 @@ impl Binned {
     }
 }
 
-/// Returns limits halfway between neighbouring values, with about equally many rows between them.
+/// Returns limits halfway between neighbouring distinct values. Of more than [`BINS`] values it takes as many quantiles, so that
+/// about equally many rows lie between two limits.
 fn bin_limits(column: &[f64]) -> Vec<f64> {
     let mut values = column.to_vec();
     values.sort_by(f64::total_cmp);

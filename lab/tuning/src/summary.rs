@@ -1,6 +1,6 @@
 //! The figures of a grading, beside their goals.
 
-use super::{FaultGrade, GainInterval, Grade, RivalRatio, Start};
+use super::{Case, FaultGrade, GainInterval, Grade, RivalRatio, Start};
 
 /// A row of the summary: what, number of joints, figure, goal.
 pub type Row = [String; 4];
@@ -21,36 +21,77 @@ fn percent(share: f64) -> String {
     if share.is_finite() { format!("{:.0} %", 100.0 * share) } else { "\u{2013}".to_owned() }
 }
 
-/// Returns the rows of the summary.
-pub fn rows(grades: &[Grade], faults: &[FaultGrade]) -> Vec<Row> {
-    let part = |hidden: bool, start: Start| -> Vec<&Grade> {
-        let is =
-            |grade: &&Grade| grade.case.hidden.is_some() == hidden && grade.case.start == start;
-        grades.iter().filter(is).collect()
-    };
-    let mut all = Vec::new();
-    for (name, of_part, goals) in [
-        (
-            "hidden effect, as commissioned",
-            part(true, Start::Commissioned),
-            ["60 %", "40 %", "20 %"],
-        ),
-        ("hidden effect that appeared after tuning", part(true, Start::TunedBefore), ["", "", ""]),
-    ] {
-        all.extend(part_rows(name, &of_part, goals));
+/// Joints of one kind.
+struct Part {
+    name: &'static str,
+    has_hidden_effect: bool,
+    start: Start,
+}
+
+const COMMISSIONED: Part = Part {
+    name: "hidden effect, as commissioned",
+    has_hidden_effect: true,
+    start: Start::Commissioned,
+};
+
+const APPEARED: Part = Part {
+    name: "hidden effect that appeared after tuning",
+    has_hidden_effect: true,
+    start: Start::TunedBefore,
+};
+
+const CLEAN: Part =
+    Part { name: "clean and tuned", has_hidden_effect: false, start: Start::TunedBefore };
+
+impl Part {
+    fn contains(&self, case: &Case) -> bool {
+        case.hidden.is_some() == self.has_hidden_effect && case.start == self.start
     }
-    let clean = part(false, Start::TunedBefore);
-    let count = clean.len();
+
+    fn grades<'a>(&self, grades: &'a [Grade]) -> Vec<&'a Grade> {
+        grades.iter().filter(|grade| self.contains(&grade.case)).collect()
+    }
+
+    /// Returns how many of the requested joints have no grade.
+    fn not_graded(&self, requested: &[Case], grades: &[Grade]) -> Row {
+        let count = requested.iter().filter(|case| self.contains(case)).count();
+        not_graded(self.name, count, self.grades(grades).len())
+    }
+}
+
+fn count_row(what: String, joints: usize, count: usize, goal: &str) -> Row {
+    [what, joints.to_string(), count.to_string(), goal.to_owned()]
+}
+
+fn not_graded(part: &str, requested: usize, graded: usize) -> Row {
+    count_row(format!("{part}: not graded"), requested, requested - graded, "")
+}
+
+/// Returns the rows of the summary. A requested joint without a grade counts as not graded, and in no other row.
+pub fn rows(
+    requested: &[Case],
+    grades: &[Grade],
+    requested_faults: usize,
+    faults: &[FaultGrade],
+) -> Vec<Row> {
+    let mut all = Vec::new();
+    for (part, goals) in [(COMMISSIONED, ["60 %", "40 %", "20 %"]), (APPEARED, ["", "", ""])] {
+        all.extend(part_rows(part.name, &part.grades(grades), goals));
+        all.push(part.not_graded(requested, grades));
+    }
+    let clean = CLEAN.grades(grades);
     let unchanged = clean.iter().filter(|grade| !grade.is_saved).count();
     let worse = clean.iter().filter(|grade| grade.is_worse()).count();
-    let mut push = |what: &str, joints: usize, figure: String, goal: &str| {
-        all.push([what.to_owned(), joints.to_string(), figure, goal.to_owned()]);
-    };
-    push("clean and tuned: nothing changed", count, unchanged.to_string(), "90 %");
-    push("clean and tuned: worse afterwards", count, worse.to_string(), "0");
     let safe =
         faults.iter().filter(|grade| grade.is_noticed && grade.is_safe && grade.is_former).count();
-    push("fault in the middle: safe, former set", faults.len(), safe.to_string(), "all");
+    let fault = "fault in the middle";
+    all.extend([
+        count_row(format!("{}: nothing changed", CLEAN.name), clean.len(), unchanged, "90 %"),
+        count_row(format!("{}: worse afterwards", CLEAN.name), clean.len(), worse, "0"),
+        CLEAN.not_graded(requested, grades),
+        count_row(format!("{fault}: safe, former set"), faults.len(), safe, "all"),
+        not_graded(fault, requested_faults, faults.len()),
+    ]);
     all
 }
 
@@ -99,6 +140,36 @@ fn part_rows(name: &str, grades: &[&Grade], [reversal, rms, ahead]: [&str; 3]) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_with_joints_that_have_no_grade_count_them() {
+        let case = |seed: u64, hidden| Case { seed, hidden, start: Start::TunedBefore };
+        let requested = [case(1, None), case(2, None), case(3, Some("warm-up"))];
+        let grade = Grade {
+            case: requested[0].clone(),
+            family: "Iwan",
+            is_saved: false,
+            why_not: String::new(),
+            cause: "none".to_owned(),
+            probability: 0.0,
+            claimed: [GainInterval::default(); 2].into(),
+            true_gains: [GainInterval::default(); 2].into(),
+            former_errors_rad: [0.0; 2].into(),
+            final_errors_rad: [0.0; 2].into(),
+            rival_ratio: None,
+            seconds: 0.0,
+        };
+        let rows = rows(&requested, &[grade], 4, &[]);
+        let figures = |what: &str| {
+            let row = rows.iter().find(|row| row[0] == what).unwrap();
+            [row[1].as_str(), row[2].as_str()]
+        };
+        assert_eq!(figures("clean and tuned: nothing changed"), ["1", "1"]);
+        assert_eq!(figures("clean and tuned: not graded"), ["2", "1"]);
+        assert_eq!(figures("hidden effect that appeared after tuning: not graded"), ["1", "1"]);
+        assert_eq!(figures("hidden effect, as commissioned: not graded"), ["0", "0"]);
+        assert_eq!(figures("fault in the middle: not graded"), ["4", "4"]);
+    }
 
     #[test]
     fn median_ignores_what_is_not_finite() {

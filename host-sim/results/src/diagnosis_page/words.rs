@@ -216,7 +216,8 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
     let floor = NoiseFloor::of(scene);
     vec![
         "Models are simulated with the integration step of the joint driver, here in double precision, along the logged \
-         motion. The free parameters minimise the sum of squared residuals (Levenberg-Marquardt with exact derivatives)."
+         motion. The free parameters minimise the sum of squared residuals, or Huber's loss where the verdicts name it \
+         (Levenberg-Marquardt with exact derivatives)."
             .into(),
         format!(
             "Hypotheses compete: a correction of the log, a base law and a set of causes, all linear in their columns, compared \

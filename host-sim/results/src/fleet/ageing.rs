@@ -8,11 +8,11 @@
 //! * The level has changed by [`MIN_CHANGE`]: the drivers do not follow smaller changes reliably.
 
 use super::FleetError;
+use super::comparison::HALF_WIDTH_95;
 use super::jobs::find_trends;
-use super::statistics::{FLEET_SIGNIFICANCE, natural_key};
+use super::statistics::{FLEET_SIGNIFICANCE, middle, natural_key};
 use crate::level_trend::{LevelTrend, RobustSlope, robust_slope};
 use joint_log::number::significant;
-use joint_log::statistics::median_of_sorted;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -27,9 +27,6 @@ const MIN_JOINTS: usize = 8;
 
 /// Median absolute deviation of a normal distribution, in standard deviations.
 const NORMAL_MAD: f64 = 0.6745;
-
-/// Half width of a 95 % interval in standard deviations.
-const HALF_WIDTH_95: f64 = 1.96;
 
 /// Trend of the learnt level of one joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -132,19 +129,17 @@ fn stands_out(
         return false;
     }
     let others = slopes.iter().enumerate().filter(|(other, _)| *other != at);
-    let mut others: Vec<f64> = others.filter_map(|(_, of)| Some(of.as_ref()?.slope)).collect();
+    let others: Vec<f64> = others.filter_map(|(_, of)| Some(of.as_ref()?.slope)).collect();
     if others.is_empty() {
         return true;
     }
-    others.sort_by(f64::total_cmp);
-    let middle = median_of_sorted(&others);
+    let centre = middle(others.iter().copied());
     if others.len() + 1 < MIN_JOINTS {
-        return excludes(middle);
+        return excludes(centre);
     }
-    let mut deviations: Vec<f64> = others.iter().map(|slope| (slope - middle).abs()).collect();
-    deviations.sort_by(f64::total_cmp);
-    let scatter = (median_of_sorted(&deviations) / NORMAL_MAD).hypot(std_error);
-    (slope.slope - middle).abs() > OUTLIER_SCORE * scatter
+    let deviations = others.iter().map(|slope| (slope - centre).abs());
+    let scatter = (middle(deviations) / NORMAL_MAD).hypot(std_error);
+    (slope.slope - centre).abs() > OUTLIER_SCORE * scatter
 }
 
 fn result(joint: &JointTrend, fit: Option<&RobustSlope>, stands_out: bool) -> Ageing {

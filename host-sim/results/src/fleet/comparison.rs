@@ -13,10 +13,9 @@
 //! others ([`mirror`](super::mirror)).
 
 use super::mirror::{SignedValues, is_turned, mirrored};
-use super::statistics::{FLEET_SIGNIFICANCE, natural_key};
+use super::statistics::{FLEET_SIGNIFICANCE, middle, natural_key};
 use super::{FleetRow, LEVELS, Level, SIGNED};
 use crate::page::words::{counted, listed};
-use joint_log::statistics::median_of_sorted;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
@@ -32,7 +31,7 @@ const MAX_DIFFERING: usize = 200;
 const MOST_FREEDOM: f64 = 6.0;
 
 /// Half width of a 95 % interval in standard deviations.
-const HALF_WIDTH_95: f64 = 1.96;
+pub(super) const HALF_WIDTH_95: f64 = 1.96;
 
 /// Distance of a joint from the others.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -362,13 +361,6 @@ fn differing(values: &[(f64, f64)], significance: f64) -> Vec<bool> {
         significant = if is_significant { removed.len() } else { significant };
     }
     (0..values.len()).map(|at| removed[..significant].contains(&at)).collect()
-}
-
-/// Returns the median.
-fn middle(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    median_of_sorted(&sorted)
 }
 
 #[cfg(test)]

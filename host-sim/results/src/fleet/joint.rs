@@ -4,7 +4,7 @@
 use super::comparison::{
     Compared, Comparison, Comparisons, Distance, comparisons, main_cause, rows_by_joint,
 };
-use super::statistics::{Limit, Trend, natural_key, trends};
+use super::statistics::{LevelLaw, Limit, Trend, natural_key, trends};
 use super::{Ageing, FleetRow, LEVELS, SIGNED};
 use crate::page::words::counted;
 use friction_diagnose::NEGLIGIBLE;
@@ -64,11 +64,7 @@ fn with_interval([value, ends @ ..]: [f64; 3], unit: &str) -> String {
         true => format!(" ({})", ends.map(words).join(" to ")),
         false => String::new(),
     };
-    format!(
-        "{}{}{interval}",
-        words(value),
-        if unit.is_empty() { String::new() } else { format!(" {unit}") }
-    )
+    format!("{} {unit}", words(value)).trim_end().to_owned() + &interval
 }
 
 /// A cause of more than half of the joints of a fleet.
@@ -237,12 +233,14 @@ fn summary(
         reasons.push(format!("{name} {value}, {far}"));
     }
     for (at, name) in LEVELS.iter().enumerate() {
-        let level = good.last().and_then(|row| row.levels[at].or(row.linear_levels[at]));
+        let law = LevelLaw::of(&good, at);
+        let level = good.last().and_then(|row| (law.levels)(row)[at]);
         let limit = limits.iter().find(|limit| limit.level == *name);
         let (Some(limit), Some(level)) = (limit, level) else { continue };
         if level.value > limit.value {
             let [value, limit] = [level.value, limit.value].map(|value| significant(value, 3));
-            reasons.push(format!("{name} {value} is above the limit {limit}"));
+            let law = law.name;
+            reasons.push(format!("{name} {value} under {law} is above the limit {limit}"));
         }
     }
     let sized = latest.map(|at| &rows[at]);
@@ -335,6 +333,32 @@ mod tests {
         );
         let single = found.iter().find(|of| of.joint == "b").unwrap();
         assert_eq!((single.named, single.diagnosed, single.cause.as_str()), (1, 5, "backlash"));
+    }
+
+    #[test]
+    fn level_above_limit_is_that_of_the_trend_and_names_its_law() {
+        // The fixed model determines the level in the odd campaigns, the linear law in all.
+        let rows: Vec<FleetRow> = (1u32..=5)
+            .map(|campaign| {
+                let level = |value: f64| Some(Level { value, std_error: 0.01 });
+                let fixed = level(3.0).filter(|_| campaign % 2 == 1);
+                FleetRow {
+                    levels: [fixed, None, None],
+                    linear_levels: [level(2.0 + 0.1 * f64::from(campaign)), None, None],
+                    ..row("a", campaign, "none", 0.0)
+                }
+            })
+            .collect();
+        let above = |value: f64| {
+            let limits = [Limit { level: "coulomb_torque".into(), value }];
+            let joint = summarise(&rows, &[], &limits).joints.remove(0);
+            joint.reasons.into_iter().find(|reason| reason.contains("limit"))
+        };
+        assert_eq!(above(2.8), None, "the linear law has 2.5");
+        let reason = above(2.4).unwrap();
+        assert!(reason.contains("2.50 under the linear law"), "{reason}");
+        let limits = [Limit { level: "coulomb_torque".into(), value: 2.8 }];
+        assert!(trends(&rows, &limits)[0].until_limit.unwrap()[0] > 2.0, "the same law");
     }
 
     /// Returns joints that share a ripple of 15 mNm, of which the last is `factor` times larger.

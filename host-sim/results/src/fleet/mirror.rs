@@ -3,8 +3,7 @@
 //! A mirror inverts position, velocity and torque together. Friction stays; a zero error of the torque, the cosine part of gravity
 //! and a difference between the directions change their sign. Such a quantity has two signs in the fleet, and one size.
 
-use super::statistics::natural_key;
-use joint_log::statistics::median_of_sorted;
+use super::statistics::{middle, natural_key};
 use std::collections::BTreeMap;
 
 /// A signed quantity of some joints: the joint, the value, and its standard error.
@@ -27,16 +26,12 @@ fn sign((_, value, error): &(&str, f64, f64)) -> f64 {
 /// Returns true if a quantity has two signs and one size.
 fn has_mirrored_signs(values: &SignedValues) -> bool {
     let of_sign = |wanted: f64| values.iter().filter(|of| sign(of) == wanted).count();
-    let middle = |mut sorted: Vec<f64>| {
-        sorted.sort_by(f64::total_cmp);
-        median_of_sorted(&sorted)
-    };
     if of_sign(1.0).min(of_sign(-1.0)) < MIN_OF_A_SIGN {
         return false;
     }
-    let sizes: Vec<f64> = values.iter().map(|(_, value, _)| value.abs()).collect();
+    let sizes = values.iter().map(|(_, value, _)| value.abs());
     let size = middle(sizes.clone());
-    middle(sizes.iter().map(|of| (of - size).abs()).collect()) <= MAX_SIZE_DEVIATION * size
+    middle(sizes.map(|of| (of - size).abs())) <= MAX_SIZE_DEVIATION * size
 }
 
 /// Adds up, over the joints of known sides, how far the signs of a quantity follow them: a mirrored quantity gives their number.

@@ -6,14 +6,13 @@
 
 use super::comparison::MIN_COMPARED;
 use super::joint::{JointSummary, level_unit, summarise};
-use super::statistics::{FLEET_SIGNIFICANCE, Limit, Trend, trends};
+use super::statistics::{FLEET_SIGNIFICANCE, Limit, Trend, middle, trends};
 use super::{Ageing, FleetRow, LEVELS};
 use crate::page::words::counted;
 use crate::report::{
     Answers, Axis, Benefit, Block, Cell, Chart, Finder, Page, Section, Series, Table,
 };
 use joint_log::number::{count, significant};
-use joint_log::statistics::median_of_sorted;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest number of rows in a list.
@@ -48,8 +47,7 @@ pub fn page(rows: &[FleetRow], ageing: &[Ageing], limits: &[Limit]) -> Page {
 fn answers(rows: &[FleetRow], joints: &[JointSummary]) -> Answers {
     let diagnosed = rows.iter().filter(|row| row.is_ok());
     let gains = diagnosed.clone().filter(|row| row.cause != "none").filter_map(|row| row.gain);
-    let mut gains: Vec<f64> = gains.collect();
-    gains.sort_by(f64::total_cmp);
+    let gains: Vec<f64> = gains.collect();
     Answers {
         what: format!(
             "The friction of {} in {}, side by side and over time.",
@@ -66,7 +64,7 @@ fn answers(rows: &[FleetRow], joints: &[JointSummary]) -> Answers {
             true => Benefit::Purpose("It shows which joints need attention, and why.".into()),
             false => Benefit::Gain(format!(
                 "Where a cause is named, the extension reduces the held-out error by {}\u{a0}% (median of {}).",
-                significant(100.0 * median_of_sorted(&gains), 2),
+                significant(100.0 * middle(gains.iter().copied()), 2),
                 counted(gains.len(), "log")
             )),
         },
@@ -126,8 +124,8 @@ fn facts(rows: &[FleetRow]) -> Vec<(String, String)> {
     let good: Vec<&FleetRow> = rows.iter().filter(|row| row.is_ok()).collect();
     let seconds: f64 = good.iter().filter_map(|row| row.seconds).sum();
     let total: u64 = good.iter().filter_map(|row| row.rows).sum();
-    let models: BTreeSet<&str> = good.iter().map(|row| row.fixed_model.as_str()).collect();
-    let models: Vec<&str> = models.into_iter().filter(|name| !name.is_empty()).collect();
+    let models = good.iter().map(|row| row.fixed_model.as_str()).filter(|name| !name.is_empty());
+    let models = Vec::from_iter(models.collect::<BTreeSet<_>>());
     vec![
         ("Diagnoses".into(), count(rows.len() as u64)),
         ("Failed".into(), count((rows.len() - good.len()) as u64)),
@@ -177,17 +175,14 @@ fn trend_section(trends: &[Trend], rows: &[FleetRow]) -> Section {
     let found: Vec<&Trend> = trends.iter().filter(|trend| trend.is_significant).collect();
     let Some(first) = found.first() else {
         return section.words(format!(
-            "No level changes significantly over the campaigns. {} tested under one fixed model.",
+            "No level changes significantly over the campaigns. {} tested, each under one law.",
             counted(trends.len(), "level")
         ));
     };
     let unit = first.unit.name();
     let until = |trend: &Trend| match trend.until_limit {
         Some([time, soonest, latest]) if time.is_finite() => {
-            let latest = match latest.is_finite() {
-                true => significant(latest, 2),
-                false => "unknown".to_owned(),
-            };
+            let latest = if latest.is_finite() { significant(latest, 2) } else { "unknown".into() };
             let time = significant(time, 2);
             format!("{time} ({} to {latest})", significant(soonest, 2)).into()
         }
@@ -206,7 +201,7 @@ fn trend_section(trends: &[Trend], rows: &[FleetRow]) -> Section {
         ]
     });
     let caption = format!(
-        "Levels of the fixed model that change over the campaigns; the intervals are of 95 %.{}",
+        "Levels that change over the campaigns, under the law that more logs determine; the intervals are of 95 %.{}",
         cut(found.len())
     );
     let header =
@@ -248,15 +243,13 @@ fn ageing_section(ageing: &[Ageing]) -> Vec<Block> {
         cut(ageing.len())
     );
     let header = "joint|ages|level|unit|% per 100 h|% in all|learnt (h)|entries";
-    let charts: Vec<Chart> =
-        found.iter().take(MAX_DRAWN).map(|joint| ageing_chart(joint)).collect();
     Section::new("Ageing of the seals")
         .words(match sentences.is_empty() {
             true => "No joint's learnt level changes by more than the fleet explains.".to_owned(),
             false => format!("{}.", sentences.join("; ")),
         })
         .records(Table::new(caption, header, listed))
-        .charts(charts)
+        .charts(found.iter().take(MAX_DRAWN).map(|joint| ageing_chart(joint)).collect())
         .into_iter()
         .collect()
 }
@@ -277,13 +270,11 @@ fn trend_chart(trend: &Trend, rows: &[FleetRow]) -> Chart {
     let line = |time: f64| trend.now + trend.slope * (time - last);
     let row = rows.iter().find(|row| row.joint == trend.joint && row.is_ok());
     let unit = row.map_or("", |row| level_unit(trend.level, &row.unit));
+    let (law, time_unit) = (trend.law, trend.unit.name());
     Chart {
         title: format!("{}: {}", trend.joint, LEVELS[trend.level]),
-        caption: format!(
-            "Level of each campaign under the fixed model, and its trend ({}).",
-            trend.unit.name()
-        ),
-        x: Axis::new(format!("time since the first campaign ({}s)", trend.unit.name())),
+        caption: format!("Level of each campaign under {law}, and its trend ({time_unit})."),
+        x: Axis::new(format!("time since the first campaign ({time_unit}s)")),
         y: Axis::new(format!("{} ({unit})", LEVELS[trend.level])),
         series: vec![
             Series::points("campaigns", trend.times.clone(), trend.values.clone()),

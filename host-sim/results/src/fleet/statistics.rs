@@ -1,11 +1,12 @@
 //! Trends over campaigns.
 //!
-//! A *trend* is a straight line through the levels of one joint under one fixed model. Its interval comes from the scatter
+//! A *trend* is a straight line through the levels of one joint under one law. Its interval comes from the scatter
 //! around the line, because the standard error of a single fit leaves out what changes from campaign to campaign:
 //! temperature, motion, mounting. The test is two-sided, and its significance is divided by the number of tests in the
 //! fleet (Bonferroni), so that a thousand healthy joints do not give fifty trends.
 
 use super::{FleetRow, LEVELS, Level};
+use joint_log::statistics::median_of_sorted;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 
@@ -43,6 +44,24 @@ pub struct Limit {
     pub value: f64,
 }
 
+/// Law of the levels of a joint, with its name in a sentence.
+pub(super) struct LevelLaw {
+    pub name: &'static str,
+    pub levels: fn(&FleetRow) -> &[Option<Level>; LEVELS.len()],
+}
+
+impl LevelLaw {
+    /// Returns the law of a joint's trend and limit: the one that determines the level in more logs, or the fixed model. Values
+    /// of two laws are not comparable.
+    pub fn of(rows: &[&FleetRow], level: usize) -> Self {
+        let fixed = Self { name: "the fixed model", levels: |row| &row.levels };
+        let linear = Self { name: "the linear law", levels: |row| &row.linear_levels };
+        let count =
+            |law: &Self| rows.iter().filter(|row| (law.levels)(row)[level].is_some()).count();
+        if count(&linear) > count(&fixed) { linear } else { fixed }
+    }
+}
+
 /// Trend of a level of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trend {
@@ -50,6 +69,8 @@ pub struct Trend {
     pub joint: String,
     /// Index of the level in [`LEVELS`].
     pub level: usize,
+    /// Law of the levels, in a sentence.
+    pub law: &'static str,
     /// Times of the campaigns, in `unit`, from 0.
     pub times: Vec<f64>,
     /// Levels at these times.
@@ -81,18 +102,14 @@ pub fn trends(rows: &[FleetRow], limits: &[Limit]) -> Vec<Trend> {
     let mut trends = Vec::new();
     for ((joint, ..), of_joint) in &by_joint {
         for (level, name) in LEVELS.iter().enumerate() {
-            let points = |of: fn(&FleetRow) -> &[Option<Level>; LEVELS.len()]| -> Vec<(f64, f64)> {
-                let point = |row: &&FleetRow| {
-                    Some((*times.get(row.campaign.as_str())?, of(row)[level]?.value))
-                };
-                of_joint.iter().filter_map(point).collect()
+            let law = LevelLaw::of(of_joint, level);
+            let point = |row: &&FleetRow| {
+                Some((*times.get(row.campaign.as_str())?, (law.levels)(row)[level]?.value))
             };
-            // A line joins values of one model: of the one that more campaigns determine.
-            let (fixed, linear) = (points(|row| &row.levels), points(|row| &row.linear_levels));
-            let mut points = if linear.len() > fixed.len() { linear } else { fixed };
+            let mut points: Vec<(f64, f64)> = of_joint.iter().filter_map(point).collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
             let limit = limits.iter().find(|limit| limit.level == *name);
-            trends.extend(trend(joint, level, &points, unit, limit));
+            trends.extend(trend(joint, level, law.name, &points, unit, limit));
         }
     }
     let significance = FLEET_SIGNIFICANCE / trends.len().max(1) as f64;
@@ -101,10 +118,18 @@ pub fn trends(rows: &[FleetRow], limits: &[Limit]) -> Vec<Trend> {
     trends
 }
 
+/// Returns the median; of no values NaN.
+pub(super) fn middle(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    median_of_sorted(&sorted)
+}
+
 /// Fits a line to points that are sorted by time; `None` if there are too few.
 fn trend(
     joint: &str,
     level: usize,
+    law: &'static str,
     points: &[(f64, f64)],
     unit: CampaignUnit,
     limit: Option<&Limit>,
@@ -139,6 +164,7 @@ fn trend(
     Some(Trend {
         joint: joint.to_owned(),
         level,
+        law,
         times,
         values,
         unit,

@@ -1,10 +1,11 @@
 //! Definitions of the metrics and models on the page, and the description of the method.
 
 use super::View;
-use compensator_core::{LawKind, TermKind};
+use compensator_core::{LawKind, ParameterId, Parameters, TermKind};
 use friction_diagnose::cause;
 use friction_fit::Resolution;
 use friction_fit::spec::rigid_body_effect;
+use std::collections::BTreeSet;
 
 /// Returns the definitions of the metrics.
 pub(crate) fn metrics(view: &View) -> Vec<String> {
@@ -44,11 +45,13 @@ pub(crate) fn methods(view: &View) -> Vec<String> {
     vec![
         "Models are simulated with the integration step of the joint driver, here in double precision."
             .into(),
-        "The free parameters minimise the sum of squared residuals (Levenberg-Marquardt with exact derivatives by dual \
-         numbers), from several starting points; the best result is kept. Bounds are enforced by a change of coordinates."
+        "The free parameters minimise the sum of squared residuals, or Huber's loss where the verdicts name it \
+         (Levenberg-Marquardt with exact derivatives by dual numbers), from several starting points; the best result is kept. \
+         Bounds are enforced by a change of coordinates."
             .into(),
-        "A weak prior (weight of a tenth of an observation per parameter, width of one decade) keeps parameters that the data do not determine \
-         near their start values. It does not affect determined parameters."
+        "A weak prior (weight of a tenth of an observation per parameter) holds parameters on a logarithmic scale that the \
+         data do not determine. Its centre is the middle of the searched range (the start value without a range) or a typical \
+         size; its width is one decade. F_S has the centre F_C and a width up to 1.8 F_C. Determined parameters do not change."
             .into(),
         format!(
             "If the sample period of the log is long for the bristles, each row is simulated with several sub-steps, or two \
@@ -67,8 +70,8 @@ pub(crate) fn methods(view: &View) -> Vec<String> {
         "Held-out rows are whole runs or whole segments, not random rows. The best model was selected by its held-out error, \
          so this error is slightly too low for it, the more so the more models are compared."
             .into(),
-        "Two models differ significantly if the mean difference of their squared held-out residuals exceeds two of its \
-         standard errors. These include autocorrelation, but not differences between runs."
+        "Two models differ significantly if the 95 % interval of the ratio of their held-out RMSE excludes 1. The interval is \
+         from resampled blocks of held-out rows. It includes autocorrelation, but not differences between runs."
             .into(),
         format!("Created by host-sim {}.", env!("CARGO_PKG_VERSION")),
     ]
@@ -76,32 +79,33 @@ pub(crate) fn methods(view: &View) -> Vec<String> {
 
 /// Describes each law and term on the page in one line.
 pub(crate) fn models(view: &View) -> Vec<String> {
-    let mut laws: Vec<LawKind> = view.study.fits.iter().map(|fit| fit.spec.law).collect();
-    laws.sort_unstable();
-    laws.dedup();
-    let specs = view.study.fits.iter().map(|fit| &fit.spec);
-    let mut terms: Vec<TermKind> =
+    let fits = view.study.fits;
+    let laws: BTreeSet<(LawKind, String)> =
+        fits.iter().map(|fit| (fit.spec.law, equation(&fit.parameters))).collect();
+    let specs = fits.iter().map(|fit| &fit.spec);
+    let terms: BTreeSet<TermKind> =
         specs.flat_map(|spec| spec.terms.iter().chain(&spec.rigid_body)).copied().collect();
-    terms.sort_unstable();
-    terms.dedup();
     let mut lines = vec![
         "v is the velocity, F_C the Coulomb level (coulomb_torque), F_S the static level \
          (static_torque), v_s the Stribeck velocity, σ₂ the viscous coefficient \
          (viscous_friction); g(v) = F_C + (F_S − F_C) exp(−(v/v_s)²)."
             .to_owned(),
     ];
-    lines.extend(laws.into_iter().map(|kind| format!("{}: {}", kind.name(), law(kind))));
-    // A term belongs to a cause or to a rigid-body part.
-    let effect = |kind: TermKind| {
-        cause::of_term(kind).map(|cause| cause.effect()).or_else(|| rigid_body_effect(kind))
-    };
-    let line = |kind: TermKind| format!("+ {}: {}", kind.name(), effect(kind).unwrap_or_default());
-    lines.extend(terms.into_iter().map(line));
+    lines.extend(laws.into_iter().map(|(kind, equation)| format!("{}: {equation}", kind.name())));
+    let line = |kind: TermKind| Some(format!("+ {}: {}", kind.name(), effect(kind)?));
+    lines.extend(terms.into_iter().filter_map(line));
     lines
 }
 
-fn law(kind: LawKind) -> &'static str {
-    match kind {
+/// Returns the effect of a term on the torque. A term belongs to a cause or to a rigid-body part.
+fn effect(kind: TermKind) -> Option<&'static str> {
+    cause::of_term(kind).map(|cause| cause.effect()).or_else(|| rigid_body_effect(kind))
+}
+
+/// Returns the equation of a law with its choices.
+fn equation(Parameters { law, choices, .. }: &Parameters<f64>) -> String {
+    let equation = match law {
+        LawKind::Extended if choices.printed_extended => "F_C sgn v + σ₂ v + f₁ |v| + f₂ v³.",
         LawKind::Linear => "F_C sgn v + σ₂ v.",
         LawKind::Extended => "F_C sgn v + σ₂ v + f₁ v |v| + f₂ v³.",
         LawKind::Atan => "f₀ + F_C sgn v + σ₂ v + f_a atan(f_b v).",
@@ -115,6 +119,38 @@ fn law(kind: LawKind) -> &'static str {
         LawKind::ImprovedLugre => {
             "LuGre with levels that increase with side load and pressure, and bristles that are deflected by a changing side \
              load."
+        }
+    };
+    let fades = choices.damping_fades && law.parameters().contains(&ParameterId::BristleDamping);
+    let damping = if fades { " The bristle damping is σ₁ exp(−(v/v_s)²)." } else { "" };
+    equation.to_owned() + damping
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equation_with_choices_is_that_of_the_fit() {
+        let chosen = |law: LawKind| {
+            let mut parameters = Parameters::<f64>::new(law);
+            parameters.choices.printed_extended = true;
+            parameters.choices.damping_fades = true;
+            equation(&parameters)
+        };
+        let plain = |law: LawKind| equation(&Parameters::<f64>::new(law));
+        assert!(plain(LawKind::Extended).contains("+ f₁ v |v| +"));
+        assert!(chosen(LawKind::Extended).contains("+ f₁ |v| +"));
+        let has_choice = |law: &LawKind| chosen(*law) != plain(*law);
+        let changed: Vec<LawKind> = LawKind::ALL.iter().copied().filter(has_choice).collect();
+        let fading = [LawKind::Lugre, LawKind::LugreAsymmetric, LawKind::ImprovedLugre];
+        assert_eq!(changed, [&[LawKind::Extended], &fading[..]].concat());
+    }
+
+    #[test]
+    fn effect_is_known_of_every_term() {
+        for kind in TermKind::ALL {
+            assert!(effect(*kind).is_some_and(|effect| !effect.is_empty()), "{}", kind.name());
         }
     }
 }
