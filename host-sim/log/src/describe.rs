@@ -45,23 +45,18 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     let mut surveyed = surveyed_columns(&table);
     let is_time = |name: &str| guess::quantity(name) == Some("time_s");
     let times = surveyed.iter().filter(|column| is_time(&column.summary.name)).count();
-    let is_torque = |name: &str| {
-        let quantity = guess::quantity(name).is_some_and(|of| of.starts_with("torque"));
-        quantity && !guess::is_current(name) || name.starts_with("force")
-    };
-    let has_torque = surveyed.iter().any(|column| is_torque(&column.summary.name));
     let mut found: Vec<Option<Guess>> = Vec::new();
     let mut doubts = Vec::new();
     for SurveyedColumn { summary: column, values } in &mut surveyed {
         let is_symbol = times > 1 && column.name == guess::TORQUE_SYMBOL;
-        // A current beside a torque is one of its causes, not another torque.
-        let is_cause = has_torque && guess::is_current(&column.name);
         let quantity =
             if is_symbol { Some("torque_nm") } else { named_quantity(column, values, &mut doubts) };
-        found.push(guess_of(column, quantity.filter(|_| !is_cause), &mut doubts));
+        found.push(guess_of(column, quantity, &mut doubts));
     }
+    // In this order: a removed torque is none beside a current, and units by size need one column for each quantity.
     doubts.extend(of_one_kind(&surveyed, &mut found));
     doubts.extend(without_constants(&surveyed, &mut found));
+    remove_currents_beside_torque(&surveyed, &mut found);
     doubts.extend(one_of_each(&surveyed, &mut found));
     add_units_by_size(&surveyed, &mut found);
     let mut columns: Vec<ColumnSummary> = surveyed.into_iter().map(|of| of.summary).collect();
@@ -193,8 +188,22 @@ impl Guess {
     }
 }
 
-/// Removes the guess for a column whose numbers are all equal and not 0, and not the torque of a log without another: a motor's
-/// torque constant is no torque. Returns a note for each.
+/// Removes the guesses for currents beside a measured torque: they are its causes, not other torques.
+fn remove_currents_beside_torque(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) {
+    let is_torque = |(guess, column): (&Option<Guess>, &SurveyedColumn)| {
+        let (Some(guess), name) = (guess, &column.summary.name) else { return false };
+        let is_effort = Quantity::parse(guess.quantity).is_some_and(|of| of.0 == Quantity::Torque);
+        is_effort && !guess::is_current(name) && guess::score(guess.quantity, name) > 1
+    };
+    if found.iter().zip(columns).any(is_torque) {
+        let pairs = found.iter_mut().zip(columns);
+        let currents = pairs.filter(|(_, column)| guess::is_current(&column.summary.name));
+        currents.for_each(|(guess, _)| *guess = None);
+    }
+}
+
+/// Removes the guess for a velocity or torque whose numbers are all equal and not 0: a motor's torque constant is no torque.
+/// Returns a note for each.
 fn without_constants(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<String> {
     let mut notes = Vec::new();
     for (guess, SurveyedColumn { summary: column, values }) in found.iter_mut().zip(columns) {
@@ -497,5 +506,24 @@ mod tests {
         ];
         let expected = ["/arm/state/velocity", "/drive/ActVelo", "/arm/cmd/velocity_des"];
         assert_eq!(likely("velocity_rad_s", &columns), expected);
+    }
+
+    #[test]
+    fn describe_with_current_beside_what_is_no_measured_torque_suggests_the_current() {
+        let folder = std::env::temp_dir().join(format!("current-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        for (name, value) in
+            [("torque constant", "0.105"), ("torque_mode", "on"), ("torque_cmd", "0.3")]
+        {
+            let row = |at: i32| format!("{},{at},1,{},{value}\n", f64::from(at) * 0.01, at % 7);
+            let rows: String = (0..40).map(row).collect();
+            let file = folder.join("log.csv");
+            std::fs::write(&file, format!("time_s,angle,speed,i_q,{name}\n{rows}")).unwrap();
+            let found = survey(&file, &ReadOptions::default()).unwrap();
+            let current = found.columns.iter().find(|column| column.name == "i_q").unwrap();
+            let pair = current.suggestion.as_ref().map(ColumnPair::to_string);
+            assert_eq!(pair.as_deref(), Some("torque_nm=i_q:A"), "{name}");
+        }
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }
