@@ -4,9 +4,9 @@
 //! is a joint on its bus, with its objects ([`node`]), parameters ([`parameter_set`], [`node_settings`],
 //! [`store`]), [`supervisor`] and [`watch`]. It processes frames, and a tick every millisecond. [`loop_task`] is
 //! the work of the fast interrupt: the current loop ([`control`]) with its time guard ([`deadline`]). The queues
-//! of [`loop_link`] connect the two. [`sensors`] are sensor drivers without a board. The board is in the
-//! binary `firmware`, and only boards access registers. Time is passed in everywhere, so a PC runs all of this in
-//! virtual time.
+//! of [`loop_link`] connect the two. [`sensors`] are sensor drivers without a board. Boards are in
+//! binaries, and only they and the modules for `target_os = "none"` access registers. Time is passed in everywhere, so a PC
+//! runs all else in virtual time.
 //!
 //! Measurements of the core on its processor, which `tests/emulator` has, use [`reference_joint`] (its network is
 //! `tests/reference_network.rs`).
@@ -58,6 +58,7 @@ pub mod watch;
 
 #[cfg(target_os = "none")]
 pub mod heat_memory;
+#[cfg(target_os = "none")]
 pub mod home_memory;
 #[cfg(target_os = "none")]
 pub mod panic;

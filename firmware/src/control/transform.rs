@@ -7,7 +7,8 @@
 //!
 //! Angles are binary, 2^32 for a turn, and exact. Sine and cosine are parabolas, with a largest error of
 //! 1.091e-3 over the whole turn (see the tests). The vector is rotated by at most 1.1 mrad too far and its
-//! length is off by at most 0.11 %. This costs 1e-6 of the torque, less than the current sensors do.
+//! length is off by at most 0.11 %. The angle costs 1e-6 of the torque. The length changes it by up to 1e-3, four times per
+//! electrical turn, less than the current sensors do.
 
 use core::f32::consts::TAU;
 use micromath::F32Ext;
@@ -101,7 +102,7 @@ fn sine(angle: u32) -> f32 {
     parabola + 0.225 * parabola * (parabola.abs() - 1.0)
 }
 
-/// Returns the square root, to 5e-6 of the value; 0 for 0, negative values and NaN.
+/// Returns the square root, to 5e-6 of the value; 0 for 0, negative values, NaN, and values from `f32::MAX` on.
 ///
 /// The square root of micromath has an error of 4 %. Its inverse square root and two Newton steps, `y (1.5 - x
 /// y^2 / 2)`, need no division. The FPU's `vsqrt` is not available without the platform's maths library.
