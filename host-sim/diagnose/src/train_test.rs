@@ -52,7 +52,7 @@ pub struct TrainTest {
     pub decimate: usize,
     /// Parts of the torque column that are not friction.
     pub rigid_body: Vec<TermKind>,
-    /// Extra covariates that may be a cause, as indices of [`Run::extra`].
+    /// Extra covariates that may be a cause, as indices of [`extra`](joint_log::Run::extra).
     pub extras: Vec<usize>,
     /// Start of the campaign's clock, s.
     pub campaign_start_s: f64,

@@ -1,6 +1,6 @@
 //! The state of a joint, from the frames on its bus.
 //!
-//! Frames and times in, a [`View`] out. This module reads no clock, bus or terminal. Every value has its time of
+//! Frames and times in, a [`View`](super::view_data::View) out. This module reads no clock, bus or terminal. Every value has its time of
 //! reception, so a view can show its age: a silent joint must not look like a joint at rest. The driver's own code
 //! ([`SampleAssembler`]) checks the SYNCs. Emergencies report new faults and limits at once; objects report the earlier ones.
 
