@@ -36,9 +36,4 @@ impl JointKind {
     pub const fn velocity_unit(self) -> &'static str {
         self.choose(["rad/s", "m/s"])
     }
-
-    /// Returns `"rad/s2"` or `"m/s2"`.
-    pub const fn acceleration_unit(self) -> &'static str {
-        self.choose(["rad/s2", "m/s2"])
-    }
 }

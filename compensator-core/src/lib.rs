@@ -52,7 +52,6 @@ pub mod parameters;
 pub mod quantity;
 pub mod record;
 mod refusal;
-pub mod seal;
 pub mod term;
 
 pub use compensator::{Compensator, CompensatorOutput};

@@ -155,30 +155,13 @@ impl<T: Real> FrictionModel<T> {
         self.law.step_alone(&mut state.bristle_torque_nm, &mut state.law, sample)
     }
 
-    /// Same as [`FrictionModel::step`] with the factors of a network. They apply only to `lugre-asymmetric` without
-    /// terms; other models ignore them.
-    #[inline(never)]
-    pub fn step_with_factors(
-        &self,
-        state: &mut ModelState<T>,
-        sample: &Sample<T>,
-        factors: &Factors<T>,
-    ) -> T {
-        match &self.law {
-            Law::LugreAsymmetric(law) if self.terms.is_empty() => {
-                law.step_with_effect(&mut state.bristle_torque_nm, sample.velocity_rad_s, factors)
-            }
-            _ => self.step(state, sample),
-        }
-    }
-
-    /// Returns true if the factors of a network affect the model. See [`FrictionModel::step_with_factors`].
+    /// Returns true if the factors of a network affect the model: only `lugre-asymmetric` without terms takes them.
     pub(crate) fn takes_factors(&self) -> bool {
         self.terms.is_empty() && matches!(self.law, Law::LugreAsymmetric(_))
     }
 
-    /// Same as [`FrictionModel::step_with_factors`] or [`FrictionModel::step`]. The model must have terms, or the given
-    /// factors must affect it.
+    /// Same as [`FrictionModel::step`], with the factors of a network. The model must have terms, or the given factors must
+    /// affect it ([`Self::takes_factors`]).
     #[inline(always)]
     pub(crate) fn step_general(
         &self,

@@ -20,7 +20,6 @@ pub use crate::law::{Choices, LawKind};
 pub use crate::parameter as table;
 pub use crate::parameter::{ParameterId, ParameterInfo};
 pub use crate::refusal::{Bound, ParameterError, ShortNumber, Text, check_ranges, reason, refuse};
-pub use build::PeriodError;
 
 use crate::number::Real;
 use crate::parameter::ParameterValues;

@@ -15,9 +15,6 @@ use crate::term::{Terms, check};
 use crate::text;
 use ParameterId as Id;
 
-/// Error of a build, for example an illegal sample period.
-pub type PeriodError = ParameterError;
-
 impl<S: Real<Setting = S>> Parameters<S> {
     /// Validates the parameters and builds the model for a sample period in s.
     ///
