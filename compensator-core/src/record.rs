@@ -38,6 +38,7 @@ pub const VERSION: u16 = 2;
 const VALUES_OF_VERSION_1: usize = 41;
 
 const MAGIC: [u8; 4] = *b"FRIC";
+const CHOICE_BITS: u8 = 0b111;
 const TERMS_AT: usize = 11;
 const ENVELOPE_AT: usize = 20;
 const COMPENSATOR_AT: usize = ENVELOPE_AT + 4 * Envelope::FIELDS;
@@ -63,8 +64,12 @@ pub enum RecordError {
     Crc,
     /// The law number is unknown.
     UnknownLaw(u8),
+    /// A bit of the choices is unknown.
+    UnknownChoices(u8),
     /// The term number is unknown.
     UnknownTerm(u8),
+    /// The term with this number is listed twice, or the law has it.
+    RepeatedTerm(u8),
     /// The number of terms exceeds the maximum of a model.
     TooManyTerms(u8),
     /// The record is well-formed, but the parameters are invalid.
@@ -85,7 +90,11 @@ impl From<RecordError> for Reason {
             }
             RecordError::Crc => refusal!("record is damaged (CRC)"),
             RecordError::UnknownLaw(number) => refusal!("unknown law number {u32}", number),
+            RecordError::UnknownChoices(bits) => refusal!("unknown choices {hex}", bits),
             RecordError::UnknownTerm(number) => refusal!("unknown term number {u32}", number),
+            RecordError::RepeatedTerm(number) => {
+                refusal!("term number {u32} is listed twice, or part of the law", number)
+            }
             RecordError::TooManyTerms(number) => {
                 refusal!("{u32} terms, at most {u32}", number, MAX_TERMS)
             }
@@ -190,6 +199,9 @@ pub fn parse(record: &[u8]) -> Result<Configuration, RecordError> {
     let bytes = head;
     let law = LawKind::from_number(bytes[8]).ok_or(RecordError::UnknownLaw(bytes[8]))?;
     let mut model = Parameters::new(law);
+    if bytes[9] & !CHOICE_BITS != 0 {
+        return Err(RecordError::UnknownChoices(bytes[9]));
+    }
     model.choices = Choices {
         damping_fades: bytes[9] & 1 != 0,
         printed_extended: bytes[9] & 2 != 0,
@@ -201,6 +213,9 @@ pub fn parse(record: &[u8]) -> Result<Configuration, RecordError> {
     }
     for code in &bytes[TERMS_AT..TERMS_AT + usize::from(terms)] {
         let kind = TermKind::from_number(*code).ok_or(RecordError::UnknownTerm(*code))?;
+        if law.includes(kind) || model.terms.contains(&kind) {
+            return Err(RecordError::RepeatedTerm(*code));
+        }
         model.add_term(kind);
     }
     let mut envelope = [0.0; Envelope::FIELDS];
@@ -280,6 +295,32 @@ mod tests {
         }
         for unknown in [0, VERSION + 1, u16::MAX] {
             assert_eq!(parse(&shortened(unknown, COUNT)), Err(RecordError::Version(unknown)));
+        }
+    }
+
+    /// Returns the error of a record with this byte, sealed again.
+    fn error_with(at: usize, byte: u8) -> RecordError {
+        let mut bytes = emit(&configuration());
+        bytes[at] = byte;
+        let crc = crc32(&bytes[..CRC_AT]);
+        bytes[CRC_AT..].copy_from_slice(&crc.to_le_bytes());
+        parse(&bytes).unwrap_err()
+    }
+
+    #[test]
+    fn parse_with_unknown_or_repeated_entry_names_it() {
+        let ripple = TermKind::PositionRipple as u8;
+        let included = TermKind::ALL.iter().find(|kind| LawKind::ImprovedLugre.includes(**kind));
+        let included = *included.unwrap() as u8;
+        for (at, byte, error) in [
+            (8, 0xFE, RecordError::UnknownLaw(0xFE)),
+            (9, 0b1001, RecordError::UnknownChoices(0b1001)),
+            (10, 9, RecordError::TooManyTerms(9)),
+            (TERMS_AT, 0xFE, RecordError::UnknownTerm(0xFE)),
+            (TERMS_AT, ripple, RecordError::RepeatedTerm(ripple)),
+            (TERMS_AT, included, RecordError::RepeatedTerm(included)),
+        ] {
+            assert_eq!(error_with(at, byte), error);
         }
     }
 

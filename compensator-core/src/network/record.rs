@@ -38,13 +38,13 @@ mod fields;
 
 #[cfg(not(feature = "network"))]
 mod fields {
-    use super::{JointNetwork, RecordError};
+    use super::{Head, JointNetwork, RecordError};
 
     pub fn put_network(network: &JointNetwork, _: &mut impl FnMut(&[u8])) {
         match *network {}
     }
 
-    pub fn read_network(_: &[u8], _: [u8; 3]) -> Result<Option<JointNetwork>, RecordError> {
+    pub fn read_network(_: &[u8], _: Head) -> Result<Option<JointNetwork>, RecordError> {
         Err(RecordError::Unsupported)
     }
 }
@@ -66,6 +66,14 @@ pub const LENGTH: usize = NUMBERS_AT + 4 * (NUMBERS + WEIGHTS) + 4;
 /// Length of a record without a network, bytes.
 pub const EMPTY_LENGTH: usize = 16;
 
+/// The bytes of a record that say what follows.
+#[cfg_attr(not(feature = "network"), allow(dead_code))]
+pub(super) struct Head {
+    pub inputs: u8,
+    pub cells: u8,
+    pub choices: u8,
+}
+
 /// The bytes of a record.
 pub type Record = Vec<u8, LENGTH>;
 
@@ -82,6 +90,8 @@ pub enum RecordError {
     Crc,
     /// The number of inputs or cells is not supported.
     Size(u8),
+    /// A bit of the choices is unknown.
+    UnknownChoices(u8),
     /// The source of an input has an unknown number.
     UnknownFeed(u8),
     /// The record has a network, and this program was built without the feature `network`.
@@ -110,6 +120,9 @@ impl From<RecordError> for Reason {
                 MAX_INPUTS,
                 CELLS
             ),
+            RecordError::UnknownChoices(bits) => {
+                refusal!("network with unknown choices {hex}", bits)
+            }
             RecordError::UnknownFeed(number) => {
                 refusal!("network's input has the unknown source number {u32}", number)
             }
@@ -182,7 +195,7 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     if version != VERSION {
         return Err(RecordError::Version(version));
     }
-    let [inputs, cells, choices, _] = [head[8], head[9], head[10], head[11]];
+    let (inputs, cells, choices) = (head[8], head[9], head[10]);
     let expected = if inputs == 0 { EMPTY_LENGTH } else { LENGTH };
     let said = usize::from(u16::from_le_bytes([head[6], head[7]]));
     if said != record.len() || said != expected {
@@ -195,7 +208,7 @@ pub fn parse(record: &[u8]) -> Result<Option<JointNetwork>, RecordError> {
     if inputs == 0 {
         return Ok(None);
     }
-    read_network(guarded, [inputs, cells, choices])
+    read_network(guarded, Head { inputs, cells, choices })
 }
 
 #[cfg(all(test, feature = "network"))]

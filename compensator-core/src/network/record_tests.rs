@@ -42,6 +42,7 @@ fn parse_with_damaged_or_foreign_record_returns_error() {
     assert_eq!(sealed(&|record| record[4] = 9), RecordError::Version(9));
     assert_eq!(sealed(&|record| record[8] = 5), RecordError::Size(5));
     assert_eq!(sealed(&|record| record[9] = 7), RecordError::Size(7));
+    assert_eq!(sealed(&|record| record[10] = 3), RecordError::UnknownChoices(3));
     assert_eq!(sealed(&|record| record[12] = 99), RecordError::UnknownFeed(99));
     match sealed(&|record| record[20..24].copy_from_slice(&f32::NAN.to_le_bytes())) {
         RecordError::Refused(error) => assert_eq!(error.field, "network_slew"),
@@ -66,6 +67,7 @@ proptest! {
         bytes[6..8].copy_from_slice(&(LENGTH as u16).to_le_bytes());
         bytes[8] %= 6;
         bytes[9] = 8;
+        bytes[10] %= 3;
         let crc = crc32(&bytes[..LENGTH - 4]);
         bytes[LENGTH - 4..].copy_from_slice(&crc.to_le_bytes());
         if let Ok(Some(network)) = parse(&bytes) {

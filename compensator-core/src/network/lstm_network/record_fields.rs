@@ -1,6 +1,6 @@
 //! The fields of a network in its record ([`crate::network::record`]).
 
-use super::{NUMBERS_AT, RecordError, WEIGHTS};
+use super::{Head, NUMBERS_AT, RecordError, WEIGHTS};
 use crate::network::{
     CELLS, FACTOR_COUNT, FactorBounds, InputRange, InputSource, JointNetwork, Lstm, MAX_INPUTS,
     Network, Readout, StrokeRange,
@@ -9,6 +9,8 @@ use heapless::Vec;
 
 /// Number of an unused input.
 const NO_FEED: u8 = 0xFF;
+/// Choice: the record has a stroke range.
+const HAS_STROKES: u8 = 1;
 const _: () = assert!(WEIGHTS == Network::<f32, MAX_INPUTS, CELLS>::WEIGHTS);
 
 /// Writes what follows the length.
@@ -28,18 +30,17 @@ pub fn put_network(network: &JointNetwork, put: &mut impl FnMut(&[u8])) {
     network.for_each_weight(number);
 }
 
-/// Reads a network behind a valid header with these numbers of inputs and cells and these choices.
-pub fn read_network(
-    guarded: &[u8],
-    [inputs, cells, choices]: [u8; 3],
-) -> Result<Option<JointNetwork>, RecordError> {
-    for (found, most) in [(inputs, MAX_INPUTS), (cells, CELLS)] {
-        if usize::from(found) > most {
-            return Err(RecordError::Size(found));
-        }
+/// Reads a network behind a valid header.
+pub fn read_network(guarded: &[u8], head: Head) -> Result<Option<JointNetwork>, RecordError> {
+    let Head { inputs, cells, choices } = head;
+    if usize::from(inputs) > MAX_INPUTS {
+        return Err(RecordError::Size(inputs));
     }
     if usize::from(cells) != CELLS {
         return Err(RecordError::Size(cells));
+    }
+    if choices & !HAS_STROKES != 0 {
+        return Err(RecordError::UnknownChoices(choices));
     }
     let mut feeds = Vec::new();
     for code in guarded.iter().skip(12).take(usize::from(inputs)) {
@@ -52,7 +53,8 @@ pub fn read_network(
     let period_s = next();
     let (slew, fade) = (next(), next());
     let (least, most, reversal) = (next(), next(), next());
-    let strokes = (choices & 1 != 0).then_some(StrokeRange { least, most, reversal, period_s });
+    let strokes =
+        (choices & HAS_STROKES != 0).then_some(StrokeRange { least, most, reversal, period_s });
     let bounds = [(); FACTOR_COUNT].map(|()| {
         let (least, most) = (next(), next());
         FactorBounds { least, most }
