@@ -139,7 +139,7 @@ pub enum AdapterCommand {
     Close,
     /// Set the bit rate. Valid only while closed.
     BitRate(BitRate),
-    /// Set the data bit rate of CAN FD, Mbit/s.
+    /// Set the data bit rate of CAN FD, Mbit/s, at most 9.
     DataRate(u8),
     /// Report the version.
     Version,
@@ -308,15 +308,16 @@ pub fn emit_frame(frame: &Frame, out: &mut [u8]) -> Option<usize> {
     emit(&FrameHeader { kind, identifier, extended: false, length: data.len() as u8 }, data, out)
 }
 
-/// Writes a command with the end of its line; returns the number of bytes written, or `None` if `out` is too
-/// small. Three bytes are always sufficient.
+/// Writes a command with the end of its line; returns the number of bytes written, or `None` if a data rate has more
+/// than one digit or `out` is too small. Three bytes are always sufficient.
 pub fn emit_command(command: AdapterCommand, out: &mut [u8]) -> Option<usize> {
     let (letter, argument) = match command {
         AdapterCommand::Open => (b'O', None),
         AdapterCommand::Listen => (b'L', None),
         AdapterCommand::Close => (b'C', None),
         AdapterCommand::BitRate(BitRate(number)) => (b'S', Some(number)),
-        AdapterCommand::DataRate(rate) => (b'Y', Some(rate.min(9))),
+        AdapterCommand::DataRate(rate @ 0..=9) => (b'Y', Some(rate)),
+        AdapterCommand::DataRate(_) => return None,
         AdapterCommand::Version => (b'V', None),
         AdapterCommand::SerialNumber => (b'N', None),
         AdapterCommand::Status => (b'F', None),

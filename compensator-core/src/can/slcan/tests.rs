@@ -74,6 +74,7 @@ fn commands_and_answers_are_parsed_and_emitted() {
         assert_eq!(parse(&text[..length - 1]), Ok(SlcanLine::Command(command)));
         assert_eq!(emit_command(command, &mut out[..length - 1]), None, "too small");
     }
+    assert_eq!(emit_command(AdapterCommand::DataRate(10), &mut [0; 3]), None, "no digit");
     assert_eq!(parse(b""), Ok(SlcanLine::Done));
     assert_eq!(parse(b"z"), Ok(SlcanLine::Sent { extended: false }));
     assert_eq!(parse(b"Z"), Ok(SlcanLine::Sent { extended: true }));
