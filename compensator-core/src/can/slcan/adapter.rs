@@ -23,12 +23,21 @@ impl AdapterReply {
     const REFUSED: Self = Self { answer: b"\x07", frame: None };
 }
 
+/// State of the bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum BusState {
+    #[default]
+    Closed,
+    Open,
+    /// Open, and sends nothing.
+    Listening,
+}
+
 /// An slcan adapter. Lines longer than `N` bytes are rejected.
 #[derive(Clone, Debug, Default)]
 pub struct Adapter<const N: usize = MAX_CLASSIC_LINE_BYTES> {
     splitter: LineSplitter<N>,
-    open: bool,
-    listen_only: bool,
+    bus: BusState,
     refused: u32,
     foreign: u32,
 }
@@ -37,12 +46,12 @@ impl<const N: usize> Adapter<N> {
     /// Creates a closed adapter.
     pub const fn new() -> Self {
         let splitter = LineSplitter::new();
-        Self { splitter, open: false, listen_only: false, refused: 0, foreign: 0 }
+        Self { splitter, bus: BusState::Closed, refused: 0, foreign: 0 }
     }
 
     /// Returns true while the bus is open; received frames are then forwarded to the host.
     pub const fn is_open(&self) -> bool {
-        self.open
+        matches!(self.bus, BusState::Open | BusState::Listening)
     }
 
     /// Number of rejected lines.
@@ -64,7 +73,7 @@ impl<const N: usize> Adapter<N> {
         let reply = match line {
             // Hosts start with empty lines to flush an incomplete one.
             Some(SlcanLine::Done) => AdapterReply::DONE,
-            Some(SlcanLine::Frame(view)) if self.open && !self.listen_only => {
+            Some(SlcanLine::Frame(view)) if self.bus == BusState::Open => {
                 let header = view.header();
                 let classic = matches!(header.kind, FrameKind::Data | FrameKind::Remote);
                 let frame = view.frame();
@@ -75,33 +84,36 @@ impl<const N: usize> Adapter<N> {
                     (true, true) => AdapterReply { answer: b"Z\r", frame },
                 }
             }
-            Some(SlcanLine::Command(command)) => {
-                execute(&mut self.open, &mut self.listen_only, command)
-            }
+            Some(SlcanLine::Command(command)) => self.execute(command),
             _ => AdapterReply::REFUSED,
         };
         self.refused = self.refused.saturating_add(u32::from(reply == AdapterReply::REFUSED));
         Some(reply)
     }
-}
 
-fn execute(open: &mut bool, listen_only: &mut bool, command: AdapterCommand) -> AdapterReply {
-    let done = match command {
-        AdapterCommand::Version => return AdapterReply { answer: b"V1013\r", frame: None },
-        AdapterCommand::SerialNumber => return AdapterReply { answer: b"N0001\r", frame: None },
-        AdapterCommand::Status => return AdapterReply { answer: b"F00\r", frame: None },
-        AdapterCommand::Open | AdapterCommand::Listen => {
-            let closed = !*open;
-            if closed {
-                *listen_only = command == AdapterCommand::Listen;
+    fn execute(&mut self, command: AdapterCommand) -> AdapterReply {
+        let is_done = match command {
+            AdapterCommand::Version => return AdapterReply { answer: b"V1013\r", frame: None },
+            AdapterCommand::SerialNumber => {
+                return AdapterReply { answer: b"N0001\r", frame: None };
             }
-            *open = true;
-            closed
+            AdapterCommand::Status => return AdapterReply { answer: b"F00\r", frame: None },
+            AdapterCommand::Open => self.change(BusState::Open),
+            AdapterCommand::Listen => self.change(BusState::Listening),
+            AdapterCommand::Close => self.change(BusState::Closed),
+            AdapterCommand::BitRate(_) => !self.is_open(),
+            AdapterCommand::Stamps(on) => !on,
+            AdapterCommand::DataRate(_) => false,
+        };
+        if is_done { AdapterReply::DONE } else { AdapterReply::REFUSED }
+    }
+
+    /// Opens a closed bus or closes an open one. Returns true if it did.
+    fn change(&mut self, bus: BusState) -> bool {
+        let may_change = self.is_open() == (bus == BusState::Closed);
+        if may_change {
+            self.bus = bus;
         }
-        AdapterCommand::Close => core::mem::take(open),
-        AdapterCommand::BitRate(_) => !*open,
-        AdapterCommand::Stamps(on) => !on,
-        AdapterCommand::DataRate(_) => false,
-    };
-    if done { AdapterReply::DONE } else { AdapterReply::REFUSED }
+        may_change
+    }
 }
