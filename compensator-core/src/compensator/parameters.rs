@@ -2,12 +2,20 @@
 
 use super::limit;
 use crate::configuration::CompensatorParameters;
+use crate::fits;
 use crate::number::Real;
-use crate::parameters::{Bound, Envelope, ParameterError};
+use crate::parameters::{Envelope, ParameterError};
 use crate::text;
 
 /// Minimum time in which the side load may cross its whole envelope, s: five frames at 1 kHz.
 const MIN_CROSSING_TIME_S: f32 = 5e-3;
+
+/// Largest plausible torque, Nm, or current, A: just below the range of the fixed point.
+const LARGEST: f32 = 2000.0;
+/// Smallest step of the slew limit, Nm: at least one unit of the fixed point.
+const LEAST_STEP_NM: f32 = 1e-6;
+/// Smallest blend velocity, rad/s: its reciprocal is finite.
+const LEAST_BLEND_RAD_S: f32 = 1e-6;
 
 /// The compensator's parameters for a sample period, and the limits that the guards take from the envelope.
 #[derive(Clone, Copy, Debug)]
@@ -48,17 +56,18 @@ impl<T: Real<Setting = f32>> BuiltParameters<T> {
         let built = Self {
             scale: limit(parameters.scale),
             torque_limit: limit(parameters.torque_limit_nm),
-            // The lower bound gives fixed point a step of at least one unit of resolution per sample.
-            slew_step: limit::<T>((parameters.slew_limit_nm_per_s * period_s).clamp(1e-6, 2000.0)),
+            slew_step: limit::<T>(
+                (parameters.slew_limit_nm_per_s * period_s).clamp(LEAST_STEP_NM, LARGEST),
+            ),
             current_per_torque: limit(1.0 / parameters.torque_constant_nm_per_a),
             current_limit: limit(parameters.current_limit_a),
             blend_velocity: limit(blend),
-            blend_per_velocity: limit(if blend > 0.0 { (1.0 / blend).min(1e6) } else { 1e6 }),
+            blend_per_velocity: limit(1.0 / blend.max(LEAST_BLEND_RAD_S)),
             period_s: limit(period_s),
             hold_s: limit(parameters.hold_s),
             fade_per_s: limit(1.0 / parameters.fade_s),
             faded_s: limit(parameters.hold_s + parameters.fade_s),
-            not_finite: limit(2000.0),
+            not_finite: limit(LARGEST),
             velocity_limit: limit(envelope.velocity_max_rad_s),
             radial_force_middle,
             radial_force_max: radial_force_middle + radial_force_middle,
@@ -78,11 +87,7 @@ impl<T: Real<Setting = f32>> BuiltParameters<T> {
             ),
             (text!("1 / fade_s"), 1.0 / parameters.fade_s),
         ] {
-            if !T::represents(value) {
-                let why =
-                    text!("the number type cannot hold this coefficient to 1e-3 of its value");
-                return Err(ParameterError { field, value, bound: Bound::Finite, why });
-            }
+            fits::coefficient::<T>(field, value)?;
         }
         Ok(built)
     }
