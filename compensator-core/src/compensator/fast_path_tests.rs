@@ -11,8 +11,8 @@ const PERIOD_S: f32 = 50e-6;
 /// Computes a step through every guard and every limit, whether or not they act.
 fn guarded_step<T: Real>(joint: &mut Compensator<T>, inputs: &Inputs<T>) -> CompensatorOutput<T> {
     let mut flags = Flags::empty();
-    let (measured, reference, weight) = joint.replaced_velocities(inputs, &mut flags);
-    let velocity_rad_s = joint.blended(measured, reference);
+    let velocities = joint.replaced_velocities(inputs, &mut flags);
+    let velocity_rad_s = joint.blended(velocities.measured, velocities.reference);
     let seal = joint.guarded_seal(inputs, &mut flags);
     let sample = Sample {
         velocity_rad_s,
@@ -22,7 +22,7 @@ fn guarded_step<T: Real>(joint: &mut Compensator<T>, inputs: &Inputs<T>) -> Comp
         ..Sample::default()
     };
     let friction = joint.model.step(&mut joint.state, &sample);
-    joint.finish_limited(friction, weight, flags)
+    joint.finish_limited(friction, velocities.weight, flags)
 }
 
 fn joint<T: Real<Setting = f32>>(

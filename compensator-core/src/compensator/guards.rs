@@ -100,6 +100,14 @@ pub(super) struct GuardedInputs<T> {
     pub flags: Flags,
 }
 
+/// Measured and reference velocity after the guards, rad/s.
+pub(super) struct Velocities<T> {
+    pub measured: T,
+    pub reference: T,
+    /// 1 if one of the two was valid, otherwise 0.
+    pub weight: T,
+}
+
 impl<T: Real> Compensator<T> {
     /// Guards the inputs. Each mask is set if the velocities, or side load and pressure, need a guard.
     #[inline(never)]
@@ -110,12 +118,15 @@ impl<T: Real> Compensator<T> {
         seal: Mask,
     ) -> GuardedInputs<T> {
         let mut flags = Flags::empty();
-        let measured = inputs.velocity_rad_s.value;
-        let mut velocity = (measured, inputs.velocity_reference_rad_s.value, T::one());
-        if velocities.is_set() {
-            velocity = self.replaced_velocities(inputs, &mut flags);
-        }
-        let (measured, reference, velocity_weight) = velocity;
+        let velocities = if velocities.is_set() {
+            self.replaced_velocities(inputs, &mut flags)
+        } else {
+            Velocities {
+                measured: inputs.velocity_rad_s.value,
+                reference: inputs.velocity_reference_rad_s.value,
+                weight: T::one(),
+            }
+        };
         let seal = if !seal.is_set() {
             let change = inputs.radial_force_n.value - self.radial_force.value;
             self.accept_seal(inputs, change)
@@ -125,8 +136,8 @@ impl<T: Real> Compensator<T> {
             self.guarded_seal(inputs, &mut flags)
         };
         GuardedInputs {
-            velocity_rad_s: self.blended(measured, reference),
-            velocity_weight,
+            velocity_rad_s: self.blended(velocities.measured, velocities.reference),
+            velocity_weight: velocities.weight,
             seal,
             flags,
         }
@@ -164,11 +175,13 @@ impl<T: Real> Compensator<T> {
             | self.velocity_guard_mask(&inputs.velocity_reference_rad_s)
     }
 
-    /// Returns the measured and the reference velocity, rad/s, and their weight.
-    ///
-    /// A valid velocity replaces an invalid one. The weight is 0 if both are invalid, otherwise 1.
+    /// Returns the velocities; a valid one replaces an invalid one.
     #[inline(always)]
-    pub(super) fn replaced_velocities(&self, inputs: &Inputs<T>, flags: &mut Flags) -> (T, T, T) {
+    pub(super) fn replaced_velocities(
+        &self,
+        inputs: &Inputs<T>,
+        flags: &mut Flags,
+    ) -> Velocities<T> {
         let (measured, reference) = (&inputs.velocity_rad_s, &inputs.velocity_reference_rad_s);
         let (measured_invalid, reference_invalid) =
             (self.velocity_guard_mask(measured), self.velocity_guard_mask(reference));
@@ -179,7 +192,8 @@ impl<T: Real> Compensator<T> {
         let substitute = T::select(reference_invalid, zero, reference.value);
         let measured = T::select(measured_invalid, substitute, measured.value);
         let reference = T::select(reference_invalid, measured, reference.value);
-        (measured, reference, T::select(measured_invalid & reference_invalid, zero, one))
+        let weight = T::select(measured_invalid & reference_invalid, zero, one);
+        Velocities { measured, reference, weight }
     }
 
     /// Returns the blend of reference (near standstill) and measured velocity (above the blend velocity), rad/s.
