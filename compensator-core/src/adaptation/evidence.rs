@@ -35,36 +35,52 @@ const LEAST_SHARE: f32 = 0.7;
 /// Share by which a quantity has to explain more of the variance than time does.
 const LEAST_MARGIN: f32 = 0.1;
 
-/// Weighted means and central sums of pairs (Welford).
+/// Weighted mean and central sum of squares of one variable (Welford).
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    mean: f32,
+    square: f32,
+}
+
+impl Moments {
+    /// Takes a value with this share of the weights. Returns its distance from the mean before and after.
+    fn take(&mut self, value: f32, share: f32) -> [f32; 2] {
+        let before = value - self.mean;
+        self.mean += share * before;
+        let after = value - self.mean;
+        self.square = (1.0 - FORGOTTEN) * self.square + before * after;
+        [before, after]
+    }
+}
+
+/// Sums of pairs of a quantity and the level.
 #[derive(Clone, Copy, Debug, Default)]
 struct PairSums {
     weight: f32,
-    mean: [f32; 2],
-    square: [f32; 2],
+    quantity: Moments,
+    level: Moments,
     product: f32,
 }
 
 impl PairSums {
-    fn take(&mut self, pair: [f32; 2]) {
-        let kept = 1.0 - FORGOTTEN;
-        self.weight = kept * self.weight + 1.0;
+    fn take(&mut self, quantity: f32, level: f32) {
+        self.weight = (1.0 - FORGOTTEN) * self.weight + 1.0;
         let share = 1.0 / self.weight;
-        let before = [pair[0] - self.mean[0], pair[1] - self.mean[1]];
-        self.mean = [self.mean[0] + share * before[0], self.mean[1] + share * before[1]];
-        let after = [pair[0] - self.mean[0], pair[1] - self.mean[1]];
-        self.square = core::array::from_fn(|of| kept * self.square[of] + before[of] * after[of]);
-        self.product = kept * self.product + before[0] * after[1];
+        let [quantity_before, _] = self.quantity.take(quantity, share);
+        let [_, level_after] = self.level.take(level, share);
+        self.product = (1.0 - FORGOTTEN) * self.product + quantity_before * level_after;
     }
 
-    /// Returns the share of the variance of the second value that a line over the first explains; 0 if unknown.
+    /// Returns the share of the level's variance that a line over the quantity explains; 0 if unknown.
     fn share(&self) -> f32 {
-        let variance = self.square[1] / self.weight.at_least(1.0);
-        let is_enough = self.weight >= LEAST_PAIRS && self.square[0] > 0.0;
+        let (quantity, level) = (self.quantity.square, self.level.square);
+        let is_enough = self.weight >= LEAST_PAIRS && quantity > 0.0;
+        let variance = level / self.weight.at_least(1.0);
         if !is_enough || variance < LEAST_DEVIATION * LEAST_DEVIATION {
             return 0.0;
         }
         // Divided twice, because the product of the squares may overflow.
-        (self.product / self.square[0] * (self.product / self.square[1])).at_most(1.0)
+        (self.product / quantity * (self.product / level)).at_most(1.0)
     }
 }
 
@@ -97,7 +113,7 @@ impl Evidence {
         let values = quantities.iter().copied().chain([Some(self.time)]);
         for (sums, value) in self.sums.iter_mut().zip(values) {
             if let Some(value) = value.filter(|value| value.is_finite()) {
-                sums.take([value, level]);
+                sums.take(value, level);
             }
         }
     }

@@ -51,14 +51,14 @@ impl InformationRoot {
         Self { count, root }
     }
 
-    /// Rotates rows `at` and `at + 1` from column `from` on, so that `turn` becomes `(length, 0)`.
-    fn rotate_neighbours(&mut self, at: usize, from: usize, turn: (f32, f32)) {
-        let columns = from..self.count;
-        let (above, below) = self.root.split_at_mut(at + 1);
-        rotate(&mut above[at][columns.clone()], &mut below[0][columns], turn);
+    /// Rotates `row` and the next one from column `first` on, so that `turn` becomes `(length, 0)`.
+    fn rotate_neighbours(&mut self, row: usize, first: usize, turn: (f32, f32)) {
+        let columns = first..self.count;
+        let (above, below) = self.root.split_at_mut(row + 1);
+        rotate(&mut above[row][columns.clone()], &mut below[0][columns], turn);
     }
 
-    fn at(&self, row: usize, column: usize) -> f32 {
+    fn entry(&self, row: usize, column: usize) -> f32 {
         self.root[row][column]
     }
 
@@ -66,7 +66,7 @@ impl InformationRoot {
     #[inline(never)]
     pub fn forget(&mut self, phi: &[f32; DIMENSIONS], retained: f32) {
         let mut along: [f32; DIMENSIONS] = core::array::from_fn(|row| {
-            (row..self.count).map(|at| self.at(row, at) * phi[at]).sum()
+            (row..self.count).map(|column| self.entry(row, column) * phi[column]).sum()
         });
         for below in (1..self.count).rev() {
             let turn = (along[below - 1], along[below]);
@@ -76,7 +76,7 @@ impl InformationRoot {
         let kept = sqrtf(retained);
         self.root[0].iter_mut().for_each(|entry| *entry *= kept);
         for column in 0..self.count.saturating_sub(1) {
-            let turn = (self.at(column, column), self.at(column + 1, column));
+            let turn = (self.entry(column, column), self.entry(column + 1, column));
             self.rotate_neighbours(column, column, turn);
             self.root[column + 1][column] = 0.0;
         }
@@ -89,7 +89,7 @@ impl InformationRoot {
         let mut rest = error;
         let mut moved = [0.0; DIMENSIONS];
         for column in 0..self.count {
-            let turn = (self.at(column, column), row[column]);
+            let turn = (self.entry(column, column), row[column]);
             let mut pair = ([0.0], [rest]);
             rotate(&mut pair.0, &mut pair.1, turn);
             (moved[column], rest) = (pair.0[0], pair.1[0]);
@@ -119,8 +119,9 @@ impl InformationRoot {
     fn solve(&self, right: [f32; DIMENSIONS]) -> [f32; DIMENSIONS] {
         let mut x = right;
         for row in (0..self.count).rev() {
-            let known: f32 = (row + 1..self.count).map(|at| self.at(row, at) * x[at]).sum();
-            x[row] = (x[row] - known) / self.at(row, row);
+            let later = row + 1..self.count;
+            let known: f32 = later.map(|column| self.entry(row, column) * x[column]).sum();
+            x[row] = (x[row] - known) / self.entry(row, row);
         }
         x
     }
@@ -141,8 +142,8 @@ impl InformationRoot {
     /// Returns true if every number is finite and the diagonal is not 0.
     pub fn is_regular(&self) -> bool {
         (0..self.count).all(|row| {
-            let is_finite = (row..self.count).all(|at| self.at(row, at).is_finite());
-            is_finite && Real::abs(self.at(row, row)) > f32::MIN_POSITIVE
+            let is_finite = (row..self.count).all(|column| self.entry(row, column).is_finite());
+            is_finite && Real::abs(self.entry(row, row)) > f32::MIN_POSITIVE
         })
     }
 }
