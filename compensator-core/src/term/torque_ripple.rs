@@ -32,8 +32,16 @@ const SIZES: [Id; 2 * TORQUE_RIPPLE_ORDERS] = [
     Id::TorqueRippleCosine4,
 ];
 
-/// One order: `n`, 1/rad; factor of `sin(n q)`, Nm; factor of `cos(n q)`, Nm.
-type Wave<T> = [T; 3];
+/// One order of the ripple.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wave<T> {
+    /// `n`, periods per turn; 0 if unused.
+    order: T,
+    /// Factor of `sin(n q)`, Nm.
+    sine: T,
+    /// Factor of `cos(n q)`, Nm.
+    cosine: T,
+}
 
 /// Coefficients of the term for one sample period.
 #[derive(Clone, Copy, Debug, Default)]
@@ -51,14 +59,16 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
     type Memory = ();
 
     fn build(values: &ParameterValues<T::Setting>, _: T::Setting) -> Self {
-        let waves =
-            TORQUE_RIPPLE_PARAMETERS.map(|ids| ids.map(|id| T::from_setting(values.get(id))));
+        let waves = TORQUE_RIPPLE_PARAMETERS.map(|ids| {
+            let [order, sine, cosine] = ids.map(|id| T::from_setting(values.get(id)));
+            Wave { order, sine, cosine }
+        });
         Self { waves }
     }
 
     fn set_gain(&mut self, of: &Self, gain: T) {
-        for (wave, [_, sine, cosine]) in self.waves.iter_mut().zip(&of.waves) {
-            (wave[1], wave[2]) = (*sine * gain, *cosine * gain);
+        for (wave, of) in self.waves.iter_mut().zip(&of.waves) {
+            (wave.sine, wave.cosine) = (of.sine * gain, of.cosine * gain);
         }
     }
 
@@ -66,7 +76,7 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
     #[inline(never)]
     fn act(&self, sample: &Sample<T>, _: &mut Self::Memory, effects: &mut Effects<T>) {
         let mut torque = T::zero();
-        for [order, sine, cosine] in self.waves {
+        for Wave { order, sine, cosine } in self.waves {
             if order > T::zero() {
                 torque = torque + over_angle(order * sample.position_rad, sine, cosine);
             }
@@ -76,14 +86,14 @@ impl<T: Real> Term<T> for TorqueRipple<T> {
 
     fn coefficients(&self) -> [T; COEFFICIENTS] {
         // Only the orders. Rounding of a factor changes the torque by at most one unit of the resolution.
-        self.waves.map(|[order, ..]| order)
+        self.waves.map(|wave| wave.order)
     }
 
     fn largest_product(&self, envelope: &Envelope) -> f32 {
-        let position = envelope.position_max_rad;
-        let sizes = self.waves.map(|wave| wave.map(|number| number.single().abs()));
-        let torque: f32 = sizes.iter().map(|[_, sine, cosine]| sine + cosine).sum();
-        sizes.iter().map(|[order, ..]| order * position).fold(torque, f32::max)
+        let size = |number: T| number.single().abs();
+        let torque = self.waves.iter().map(|wave| size(wave.sine) + size(wave.cosine)).sum();
+        let angles = self.waves.iter().map(|wave| size(wave.order) * envelope.position_max_rad);
+        angles.fold(torque, f32::max)
     }
 
     fn widen<S: Real>(values: &ParameterValues<S>, _: &Envelope, bounds: &mut Bounds) {
