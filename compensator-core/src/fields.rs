@@ -24,7 +24,7 @@
 /// assert_eq!(Door::NAMES, ["torque_limit_nm", "attempts"]);
 /// assert_eq!(Door::default().to_array(), [2.0, 3.0]);
 /// assert_eq!(Door::from_array([1.0, 7.0]).attempts, 7);
-/// assert_eq!(Door::RANGES[0], (0.0, 10.0, compensator_core::text!("a limit is a size")));
+/// assert_eq!((Door::RANGES[0].least, Door::RANGES[0].most), (0.0, 10.0));
 /// ```
 #[macro_export]
 macro_rules! named_fields {
@@ -81,8 +81,12 @@ macro_rules! named_fields {
 
         impl $name {
             /// Smallest and largest legal value of each field, in their order, and why.
-            pub const RANGES: [(f32, f32, $crate::parameters::Text); Self::FIELDS] =
-                [$(($least, $most, $crate::parameters::Text::new($why))),*];
+            pub const RANGES: [$crate::parameters::FieldRange; Self::FIELDS] =
+                [$($crate::parameters::FieldRange {
+                    least: $least,
+                    most: $most,
+                    why: $crate::parameters::Text::new($why),
+                }),*];
         }
     };
 }

@@ -19,7 +19,9 @@ pub use crate::envelope::Envelope;
 pub use crate::law::{Choices, LawKind};
 pub use crate::parameter as table;
 pub use crate::parameter::{ParameterId, ParameterInfo};
-pub use crate::refusal::{Bound, ParameterError, ShortNumber, Text, check_ranges, reason, refuse};
+pub use crate::refusal::{
+    Bound, FieldRange, ParameterError, ShortNumber, Text, check_ranges, reason, refuse,
+};
 
 use crate::number::Real;
 use crate::parameter::ParameterValues;

@@ -61,7 +61,18 @@ impl fmt::Display for ParameterError {
 
 impl core::error::Error for ParameterError {}
 
-/// Checks values against ranges: minimum, maximum and reason, in the order of the names.
+/// Range of a named field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldRange {
+    /// Smallest legal value.
+    pub least: f32,
+    /// Largest legal value.
+    pub most: f32,
+    /// Reason for both.
+    pub why: Text,
+}
+
+/// Checks values against ranges, in the order of the names.
 ///
 /// # Errors
 /// Names the first value that is not finite or not in its range.
@@ -70,9 +81,9 @@ impl core::error::Error for ParameterError {}
 pub fn check_ranges(
     names: &[Text],
     values: &[f32],
-    ranges: &[(f32, f32, Text)],
+    ranges: &[FieldRange],
 ) -> Result<(), ParameterError> {
-    for ((field, value), (least, most, why)) in names.iter().zip(values).zip(ranges) {
+    for ((field, value), FieldRange { least, most, why }) in names.iter().zip(values).zip(ranges) {
         let bound = if !value.is_finite() {
             Bound::Finite
         } else if value < least {

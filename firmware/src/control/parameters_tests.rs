@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::control::PERIOD_S;
+use compensator_core::parameters::FieldRange;
 
 fn with(field: &str, value: f32) -> MotorParameters {
     let mut fields = MotorParameters::default().to_array();
@@ -20,7 +21,9 @@ fn validate_with_defaults_returns_ok() {
 
 #[test]
 fn validate_with_field_out_of_range_names_the_field() {
-    for (field, (least, most, why)) in MotorParameters::NAMES.iter().zip(&MotorParameters::RANGES) {
+    for (field, FieldRange { least, most, why }) in
+        MotorParameters::NAMES.iter().zip(&MotorParameters::RANGES)
+    {
         let below = least - least.abs().max(1e-3);
         let above = most + most.abs().max(1e-3);
         for (value, bound) in [
@@ -107,7 +110,7 @@ proptest::proptest! {
     ) {
         // Each field is drawn from its range, on a logarithmic scale if it spans decades.
         let mut written = [0.0; MotorParameters::FIELDS];
-        for ((slot, share), (least, most, _)) in
+        for ((slot, share), FieldRange { least, most, .. }) in
             written.iter_mut().zip(fields).zip(&MotorParameters::RANGES)
         {
             *slot = if *least > 0.0 {
