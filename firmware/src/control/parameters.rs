@@ -218,13 +218,8 @@ impl MotorParameters {
         Ok(())
     }
 
-    /// Validates the parameters and builds the loop's coefficients for a period in s.
-    ///
-    /// # Errors
-    /// As [`MotorParameters::validate`]; also if the period is not within 2 us..2 ms, or if a bandwidth or speed
-    /// is too high for it.
-    pub fn build(&self, period_s: f32) -> Result<Motor, ParameterError> {
-        self.validate()?;
+    /// Checks the period, and the dead time, bandwidths and speed that depend on it.
+    fn check_timing(&self, period_s: f32) -> Result<(), ParameterError> {
         let (shortest, longest) = PERIOD_RANGE_S;
         let why = text!("range of a current loop's period");
         if !period_s.is_finite() || period_s < shortest {
@@ -237,13 +232,34 @@ impl MotorParameters {
             let why = text!("at most a twentieth of the period, and so of the bus voltage");
             refuse(text!("dead_time_s"), self.dead_time_s, Bound::AtMost(most), why)?;
         }
+        let least = self.dead_time_per_bus(period_s) / (0.5 * MAX_VECTOR_PER_BUS_V);
+        if self.modulation_max < least {
+            let why = text!("half of the vector must be left beside the dead time");
+            refuse(text!("modulation_max"), self.modulation_max, Bound::AtLeast(least), why)?;
+        }
         self.check_bandwidths(period_s)?;
-        let motor_velocity_max = self.velocity_max_rad_s * self.gear_ratio;
         let most = TURN_MAX_RAD / (period_s * self.gear_ratio * self.pole_pairs);
         if self.velocity_max_rad_s > most {
             let why = text!("the magnet may turn 0.6 rad (electrical) in a period");
             refuse(text!("velocity_max_rad_s"), self.velocity_max_rad_s, Bound::AtMost(most), why)?;
         }
+        Ok(())
+    }
+
+    /// Returns the longest vector that compensates the dead time, per bus voltage.
+    fn dead_time_per_bus(&self, period_s: f32) -> f32 {
+        LONGEST_VECTOR * self.dead_time_s / period_s
+    }
+
+    /// Validates the parameters and builds the loop's coefficients for a period in s.
+    ///
+    /// # Errors
+    /// As [`MotorParameters::validate`]; also if the period is not within 2 us..2 ms, or if dead time, bandwidths
+    /// or speed do not fit it.
+    pub fn build(&self, period_s: f32) -> Result<Motor, ParameterError> {
+        self.validate()?;
+        self.check_timing(period_s)?;
+        let motor_velocity_max = self.velocity_max_rad_s * self.gear_ratio;
         let flux_vs = self.torque_constant_nm_per_a / (1.5 * self.pole_pairs);
         let (r, bandwidth) = (self.resistance_ohm, self.current_bandwidth_hz);
         Ok(Motor {
@@ -271,7 +287,7 @@ impl MotorParameters {
                 / ((BRAKING_DERATE_END - BRAKING_DERATE_START) * self.bus_voltage_max_v),
             // What the dead time may take is added to the vector, so it is not available for the currents.
             radius_per_bus: MAX_VECTOR_PER_BUS_V * self.modulation_max
-                - LONGEST_VECTOR * self.dead_time_s / period_s,
+                - self.dead_time_per_bus(period_s),
             dead_time: LossModel {
                 share: self.dead_time_s / period_s,
                 current_a: self.dead_time_current_a,

@@ -105,7 +105,7 @@ fn rotor_angle_applies_encoder_offset_and_direction() {
 proptest::proptest! {
     #[test]
     fn build_with_accepted_parameters_gives_finite_gains(
-        fields in proptest::array::uniform21(0.0f32..1.0),
+        fields in proptest::collection::vec(0.0f32..1.0, MotorParameters::FIELDS),
         period in -5.5f32..-2.8,
     ) {
         // Each field is drawn from its range, on a logarithmic scale if it spans decades.
@@ -123,19 +123,32 @@ proptest::proptest! {
         parameters.pole_pairs = parameters.pole_pairs.floor();
         parameters.joint_direction = parameters.joint_direction.signum();
         parameters.encoder_direction = parameters.encoder_direction.signum();
+        parameters.brake_at_stop = parameters.brake_at_stop.round();
         parameters.overcurrent_a = parameters.overcurrent_a.max(1.2 * parameters.current_limit_a).min(2e4);
-        if let Ok(motor) = parameters.build(10f32.powf(period)) {
-            for number in [
-                motor.d.kp, motor.d.ki_t, motor.q.kp, motor.q.ki_t, motor.flux_vs,
-                motor.observer.angle, motor.observer.velocity_per_s,
-                motor.observer.acceleration_per_s2, motor.observer.units_per_s,
-                motor.park_units, motor.drive_units, motor.joint_per_motor,
-            ] {
-                proptest::prop_assert!(number.is_finite(), "{motor:?}");
-            }
-            proptest::prop_assert!(motor.d.kp > 0.0 && motor.q.kp > 0.0);
-            proptest::prop_assert!((0.0..=1.0).contains(&motor.observer.angle));
+        // The fields that bound each other, and those that the period bounds.
+        let period_s = 10f32.powf(period);
+        parameters.bus_voltage_max_v = parameters.bus_voltage_max_v.max(1.1 * parameters.bus_voltage_min_v).min(1e3);
+        parameters.dead_time_s = parameters.dead_time_s.min(DEAD_TIME_SHARE_MAX * period_s);
+        parameters.observer_bandwidth_hz = parameters.observer_bandwidth_hz.min(BANDWIDTH_SHARE_ANY / period_s);
+        parameters.current_bandwidth_hz =
+            parameters.current_bandwidth_hz.min(parameters.current_bandwidth_max_hz(period_s));
+        parameters.velocity_max_rad_s = parameters
+            .velocity_max_rad_s
+            .min(TURN_MAX_RAD / (period_s * parameters.gear_ratio * parameters.pole_pairs));
+        let built = parameters.build(period_s);
+        proptest::prop_assume!(built.is_ok());
+        let motor = built.expect("accepted");
+        for number in [
+            motor.d.kp, motor.d.ki_t, motor.q.kp, motor.q.ki_t, motor.flux_vs,
+            motor.observer.angle, motor.observer.velocity_per_s,
+            motor.observer.acceleration_per_s2, motor.observer.units_per_s,
+            motor.park_units, motor.drive_units, motor.joint_per_motor,
+        ] {
+            proptest::prop_assert!(number.is_finite(), "{motor:?}");
         }
+        proptest::prop_assert!(motor.d.kp > 0.0 && motor.q.kp > 0.0);
+        proptest::prop_assert!(motor.radius_per_bus > 0.0, "{motor:?}");
+        proptest::prop_assert!((0.0..=1.0).contains(&motor.observer.angle));
     }
 }
 
@@ -168,4 +181,14 @@ fn current_bandwidth_of_a_motor_that_does_not_permit_it_is_refused() {
         let permitted = MotorParameters { current_bandwidth_hz: 1000.0, ..motor };
         assert!(permitted.build(PERIOD_S).is_ok());
     }
+}
+
+#[test]
+fn modulation_that_the_dead_time_would_use_up_is_refused() {
+    let motor =
+        MotorParameters { dead_time_s: 2.5e-6, modulation_max: 0.2, ..MotorParameters::default() };
+    let refused = motor.build(PERIOD_S).expect_err("the dead time takes more than half of it");
+    assert_eq!(refused.field, "modulation_max");
+    let built = MotorParameters { modulation_max: 0.24, ..motor }.build(PERIOD_S).expect("legal");
+    assert!(built.radius_per_bus > 0.1 * MAX_VECTOR_PER_BUS_V);
 }
