@@ -41,11 +41,6 @@ impl OffsetRange {
     }
 }
 
-/// Returns the largest current that an amplifier with a central offset measures in both directions, A.
-pub const fn measurable_a(amperes_per_count: f32) -> f32 {
-    OffsetRange::CENTRAL.measurable_a(amperes_per_count)
-}
-
 /// Scaling of the amplifier of one phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shunt {
@@ -96,13 +91,8 @@ impl OffsetFinder {
         }
     }
 
-    /// Returns the scaling after [`OFFSET_SAMPLES`] samples, if they are plausible for a central offset.
-    pub fn shunt(&self, amperes_per_count: f32) -> Option<Shunt> {
-        self.shunt_within(OffsetRange::CENTRAL, amperes_per_count)
-    }
-
     /// Returns the scaling after [`OFFSET_SAMPLES`] samples, if they are plausible for an offset of this range.
-    pub fn shunt_within(&self, range: OffsetRange, amperes_per_count: f32) -> Option<Shunt> {
+    pub fn shunt(&self, range: OffsetRange, amperes_per_count: f32) -> Option<Shunt> {
         let is_steady = self.max.saturating_sub(self.min) <= MAX_SPREAD_COUNTS;
         let is_central = self.min > range.above && self.max < range.below;
         let is_valid = self.samples == OFFSET_SAMPLES && is_steady && is_central;
@@ -118,12 +108,12 @@ mod tests {
     fn measure_offset(counts: impl Fn(u32) -> u16) -> Option<Shunt> {
         let mut finder = OffsetFinder::default();
         for sample in 0..OFFSET_SAMPLES {
-            assert_eq!(finder.shunt(0.02), None, "too early");
+            assert_eq!(finder.shunt(OffsetRange::CENTRAL, 0.02), None, "too early");
             finder.add_sample(counts(sample));
         }
         // Further samples are ignored.
         finder.add_sample(0);
-        finder.shunt(0.02)
+        finder.shunt(OffsetRange::CENTRAL, 0.02)
     }
 
     #[test]
@@ -141,7 +131,7 @@ mod tests {
     fn measurable_current_is_measured_at_the_largest_offset() {
         for offset in [2048 - 408, 2048 + 408] {
             let shunt = measure_offset(|_| offset).unwrap();
-            let counts = (measurable_a(-0.02) / 0.02) as u16;
+            let counts = (OffsetRange::CENTRAL.measurable_a(-0.02) / 0.02) as u16;
             for counts in [offset - counts, offset + counts] {
                 assert!(shunt.current_a(counts).is_some(), "{counts}");
             }

@@ -15,7 +15,7 @@ use firmware::sensors::biss;
 use firmware::sensors::encoder::{EncoderInputs, EncoderKind, MotorEncoder};
 use firmware::sensors::quadrature::Quadrature;
 use firmware::sensors::shunt::{
-    CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, OffsetRange, Shunt, measurable_a,
+    CONVERTER_RANGE_COUNTS, OFFSET_SAMPLES, OffsetFinder, OffsetRange, Shunt,
 };
 use firmware::start_values::StartValues;
 use rand::{RngExt, SeedableRng};
@@ -106,7 +106,7 @@ const AWAKE_AFTER_S: f64 = 28e-6 - 2.0 * PERIOD_S as f64;
 pub const BOARD_TRAITS: StageTraits = StageTraits {
     encoder_age_s: LATCH_BEFORE_TOP_S,
     biss_age_s: BISS_BEFORE_TOP_S,
-    current_max_a: measurable_a((3.3 / (4096.0 * 0.001 * 20.0)) as f32),
+    current_max_a: OffsetRange::CENTRAL.measurable_a((3.3 / (4096.0 * 0.001 * 20.0)) as f32),
     modulation_max: StageTraits::max_modulation(PERIOD_S, 0.5e-6, 1.5e-6),
 };
 
@@ -294,9 +294,8 @@ impl BoardSensors {
                 finder.add_sample(sensors.counts(phase, measured.currents_a[phase]));
             }
         }
-        sensors.shunts = finders.map(|finder| {
-            finder.shunt_within(scales.offsets, -scales.currents.amperes_per_count as f32)
-        });
+        sensors.shunts = finders
+            .map(|finder| finder.shunt(scales.offsets, -scales.currents.amperes_per_count as f32));
         sensors
     }
 

@@ -122,5 +122,5 @@ pub fn measure_offsets(stage: &mut Stage) -> [Option<Shunt>; 2] {
     }
     // Clears the fault that a gate driver reports while it wakes.
     stage.off();
-    finders.map(|finder| finder.shunt_within(scales::OFFSETS, scales::AMPERES_PER_COUNT))
+    finders.map(|finder| finder.shunt(scales::OFFSETS, scales::AMPERES_PER_COUNT))
 }
