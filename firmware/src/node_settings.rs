@@ -8,12 +8,10 @@ use crate::access::AccessSettings;
 use crate::drive_settings::DriveSettings;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
-use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
+use crate::parameter_set::{MAX_SET_BYTES, ParameterSet};
 use crate::setting_error::SettingError;
 use crate::store::{IDENTITY_BYTES, Identity};
 use compensator_core::can::NodeId;
-use compensator_core::parameters::reason::Reason;
-use compensator_core::refusal;
 use compensator_core::text;
 use heapless::Vec;
 
@@ -220,9 +218,11 @@ impl NodeSettings {
         Some(Self { node, bit_rate_kbit, data_bit_rate_kbit, access, ..self })
     }
 
-    /// Parses the settings at the begin of a block, of this version or an earlier one, and returns the rest, too. What that
+    /// Parses the settings at the begin of a block, of this version or an earlier one. Returns the rest, too: the encoded
+    /// parameter set, which is not parsed. What that
     /// version did not store has its default. `None` for another version or a value out of range.
-    fn split(block: &[u8]) -> Option<(Self, &[u8])> {
+    #[inline(never)]
+    pub fn split(block: &[u8]) -> Option<(Self, &[u8])> {
         let version = *block.first()?;
         let drive_length = match version {
             Self::VERSION => DriveSettings::LENGTH,
@@ -313,26 +313,6 @@ pub const MAX_BLOCK_BYTES: usize = NodeSettings::LENGTH + MAX_SET_BYTES;
 const _: () = assert!(MAX_BLOCK_BYTES <= crate::store::MAX_PAYLOAD, "it must fit the store");
 const _: () = assert!(BusSettings::BYTES + AccessSettings::LENGTH == IDENTITY_BYTES);
 
-/// Reason why a stored block was refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum BlockError {
-    /// Too short, of another version, or with a setting out of range.
-    NodeSettings,
-    /// The parameter set is refused.
-    Set(SetError),
-}
-
-impl From<BlockError> for Reason {
-    fn from(error: BlockError) -> Self {
-        match error {
-            BlockError::NodeSettings => {
-                refusal!("stored settings are of another version or out of range")
-            }
-            BlockError::Set(error) => error.into(),
-        }
-    }
-}
-
 /// Returns settings and parameters as the block that is stored.
 pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BLOCK_BYTES> {
     let mut block = Vec::new();
@@ -342,29 +322,18 @@ pub fn emit_block(settings: &NodeSettings, set: &ParameterSet) -> Vec<u8, MAX_BL
     block
 }
 
-/// Splits a stored block into its settings and the encoded parameter set, which is not parsed.
-///
-/// # Errors
-/// Returns [`BlockError::NodeSettings`] if the settings are refused.
-#[inline(never)]
-pub fn split_block(block: &[u8]) -> Result<(NodeSettings, &[u8]), BlockError> {
-    NodeSettings::split(block).ok_or(BlockError::NodeSettings)
-}
-
-/// Parses a stored block.
-///
-/// # Errors
-/// Returns which part is refused and, for parameters, which one and why.
-pub fn parse_block(block: &[u8]) -> Result<(NodeSettings, ParameterSet), BlockError> {
-    let (settings, set) = split_block(block)?;
-    Ok((settings, ParameterSet::parse(set).map_err(BlockError::Set)?))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::access::Key;
+    use crate::parameter_set::SetError;
     use compensator_core::record::RecordError;
+
+    /// Returns settings and parameters of a block; `None` if either is refused.
+    fn parse_block(block: &[u8]) -> Option<(NodeSettings, ParameterSet)> {
+        let (settings, set) = NodeSettings::split(block)?;
+        Some((settings, ParameterSet::parse(set).ok()?))
+    }
 
     #[test]
     fn parse_of_emitted_block_returns_settings_and_set() {
@@ -388,21 +357,22 @@ mod tests {
             access: AccessSettings { key: Key::new([7; 16]), is_locked: false },
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
-        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
-        assert_eq!(parse_block(&block[..10]), Err(BlockError::NodeSettings));
+        assert_eq!(parse_block(&block), Some((settings, ParameterSet::default())));
+        assert_eq!(parse_block(&block[..10]), None);
         for thousands in 1..=u8::MAX {
             block[13] = thousands;
             let is_legal = matches!(thousands & 0x7F, 0 | 1 | 2 | 5);
-            assert_eq!(parse_block(&block).is_ok(), is_legal, "{thousands}");
+            assert_eq!(parse_block(&block).is_some(), is_legal, "{thousands}");
         }
         // Settings stored before the data bit rate existed have its default.
         block[13] = 0;
         let former = NodeSettings { data_bit_rate_kbit: 2000, fd_telemetry: false, ..settings };
-        assert_eq!(parse_block(&block), Ok((former, ParameterSet::default())));
+        assert_eq!(parse_block(&block), Some((former, ParameterSet::default())));
         block[NodeSettings::LENGTH + 90] ^= 1;
-        assert_eq!(parse_block(&block), Err(BlockError::Set(SetError::Record(RecordError::Crc))));
+        let (_, set) = NodeSettings::split(&block).expect("intact settings");
+        assert_eq!(ParameterSet::parse(set), Err(SetError::Record(RecordError::Crc)));
         block[2] = 2;
-        assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
+        assert_eq!(parse_block(&block), None);
     }
 
     /// Returns settings up to those of the drive, as versions before the adaptation stored them.
@@ -421,7 +391,7 @@ mod tests {
         block[0] = NodeSettings::VERSION_WITHOUT_ADAPTATION;
         block.extend_from_slice(&settings.emit()[NodeSettings::WITHOUT_ACCESS..]);
         block.extend_from_slice(&ParameterSet::default().emit());
-        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        assert_eq!(parse_block(&block), Some((settings, ParameterSet::default())));
     }
 
     #[test]
@@ -435,7 +405,7 @@ mod tests {
         block.extend_from_slice(&ParameterSet::default().emit());
         let drive = DriveSettings { adapt: 1, ..DriveSettings::default() };
         let expected = NodeSettings { drive, ..settings };
-        assert_eq!(parse_block(&block), Ok((expected, ParameterSet::default())));
+        assert_eq!(parse_block(&block), Some((expected, ParameterSet::default())));
     }
 
     #[test]
@@ -446,7 +416,7 @@ mod tests {
         block[0] = 5;
         block.extend_from_slice(&access.emit());
         block.extend_from_slice(&ParameterSet::default().emit());
-        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        assert_eq!(parse_block(&block), Some((settings, ParameterSet::default())));
         assert_eq!(settings.tuning, [0; 6]);
     }
 
@@ -456,7 +426,7 @@ mod tests {
         let mut block = old_begin(&settings);
         block[0] = NodeSettings::VERSION_WITHOUT_ACCESS;
         block.extend_from_slice(&ParameterSet::default().emit());
-        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        assert_eq!(parse_block(&block), Some((settings, ParameterSet::default())));
         assert!(settings.access.is_locked);
     }
 
@@ -466,8 +436,8 @@ mod tests {
         let mut block = settings.emit()[..NodeSettings::HEAD].to_vec();
         block[0] = NodeSettings::VERSION_WITHOUT_DRIVE;
         block.extend_from_slice(&ParameterSet::default().emit());
-        assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
+        assert_eq!(parse_block(&block), Some((settings, ParameterSet::default())));
         block[0] = 2;
-        assert_eq!(parse_block(&block), Err(BlockError::NodeSettings));
+        assert_eq!(parse_block(&block), None);
     }
 }

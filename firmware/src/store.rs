@@ -25,6 +25,7 @@ mod trend;
 
 pub use home_record::{FoundHome, HOME_RECORD_BYTES, HOME_RECORDS, HomeRecord};
 pub use identity::{FoundIdentity, IDENTITY_BYTES, Identity, IdentityCopy};
+pub use mirror::StartFinds;
 pub use outcome::{
     LoadError, LoadedSet, SaveOutcome, SavePlace, SlotState, StoreError, StoreHealth,
 };

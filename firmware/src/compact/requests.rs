@@ -2,7 +2,7 @@
 
 use super::device::Device;
 use crate::node::sdo::Abort;
-use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, emit_block, split_block};
+use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::Code;
 use compensator_core::parameters::Text;
@@ -47,7 +47,7 @@ impl<F: NorFlash> Device<F> {
         let mut block = [0; MAX_BLOCK_BYTES];
         let loaded = self.store.load(&mut block).ok();
         let parameters =
-            loaded.and_then(|loaded| Some(split_block(block.get(..loaded.length)?).ok()?.1));
+            loaded.and_then(|loaded| Some(NodeSettings::split(block.get(..loaded.length)?)?.1));
         if parameters.is_none_or(|bytes| stored.read(bytes).is_err()) {
             stored = ParameterSet::default();
         }

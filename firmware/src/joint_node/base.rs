@@ -19,7 +19,7 @@ use crate::loop_parts::LoopParts;
 use crate::node::dictionary::records::{InputsObject, MeasuredObject};
 use crate::node::sdo::Abort;
 use crate::node::{Emergency, Outbox};
-use crate::node_settings::{InputSource, MAX_BLOCK_BYTES, NodeSettings, split_block};
+use crate::node_settings::{InputSource, MAX_BLOCK_BYTES, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::start_values::StartRecord;
 use crate::store::{LoadError, Store, StoreHealth};
@@ -194,13 +194,11 @@ impl JointBase {
                 return unknown(ParameterSource::DefaultRefused);
             }
         };
-        let (settings, parameters) = match split_block(block.get(..set.length).unwrap_or_default())
-        {
-            Ok(parts) => parts,
-            Err(error) => {
-                self.staging.refuse(Abort::Value, error);
-                return unknown(ParameterSource::DefaultRefused);
-            }
+        let parts = block.get(..set.length).and_then(NodeSettings::split);
+        let Some((settings, parameters)) = parts else {
+            let why = refusal!("stored settings are of another version or out of range");
+            self.staging.refuse(Abort::Value, why);
+            return unknown(ParameterSource::DefaultRefused);
         };
         let parameters = match self.staging.load(parameters) {
             Ok(()) => ParameterSource::Set,

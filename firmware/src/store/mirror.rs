@@ -9,17 +9,25 @@ use super::{FoundHome, FoundIdentity, Identity, LoadedSet, MAX_PAYLOAD, Store, i
 use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
+/// What a start finds beside the set.
+#[derive(Clone, Debug)]
+pub struct StartFinds {
+    /// Journals in the bank of the running image, for [`Store::restore_trend`]: they may be newer than those of the store, also
+    /// if the set is in both banks.
+    pub journals: [Range<u32>; 2],
+    /// The home. One in the bank of the running image is used once: it is marked, because later records are in the other bank.
+    pub home: FoundHome,
+}
+
 impl<F: NorFlash> Store<F> {
     /// Opens the store in the other bank. If the newest set that this firmware can read is in the own bank, it is copied
-    /// before; if the copy fails, the own bank's store is used. `identity_of` returns the identity in a set. Returns the
-    /// journals in the own bank, for [`Store::restore_trend`]: they may be newer, also if the set is in both banks. Returns the
-    /// home, too. One in the own bank is used once: it is marked, because later records are in the other bank.
+    /// before; if the copy fails, the own bank's store is used. `identity_of` returns the identity in a set.
     pub fn open_mirrored(
         &mut self,
         running: [Range<u32>; 2],
         other: [Range<u32>; 2],
         identity_of: fn(&[u8]) -> Option<Identity>,
-    ) -> ([Range<u32>; 2], FoundHome) {
+    ) -> StartFinds {
         self.move_to(running.clone());
         let journals = [self.places_in(0), self.places_in(1)];
         let before = self.find_home();
@@ -31,7 +39,7 @@ impl<F: NorFlash> Store<F> {
             (FoundHome::None, home) | (FoundHome::Lost, home @ FoundHome::At(_)) => home,
             _ => FoundHome::Lost,
         };
-        (journals, home)
+        StartFinds { journals, home }
     }
 
     // Not inlined: its buffer is free again when the set is loaded.

@@ -13,13 +13,12 @@ use crate::access::Lock;
 use crate::hil::HilJoint;
 use crate::joint_node::JointBase;
 use crate::node::lss::Lss;
-use crate::node_settings::{NodeSettings, split_block};
+use crate::node_settings::NodeSettings;
 use crate::scope::Scope;
 use crate::sensors::enclosure;
-use crate::store::{FoundHome, FoundIdentity, is_newer};
+use crate::store::{FoundIdentity, StartFinds, is_newer};
 use crate::supervisor::ParameterSource;
 use crate::update::Program;
-use core::ops::Range;
 use embedded_storage::nor_flash::NorFlash;
 
 /// Time from the start until the model and its live terms are logged, us: sensors and bus have reported by then.
@@ -63,9 +62,12 @@ impl<F: NorFlash> Device<F> {
     /// Loads settings and parameters from the store and records how the previous run ended.
     #[inline(never)]
     pub(super) fn load_stored(&mut self, boot: &Boot) {
-        let (journals, home) = match boot.program {
+        let StartFinds { journals, home } = match boot.program {
             Some(program) => self.open_banks(program),
-            None => (Default::default(), self.memory.store.find_home()),
+            None => {
+                let home = self.memory.store.find_home();
+                StartFinds { journals: Default::default(), home }
+            }
         };
         let (mut parameters, sequence) = self.load_block();
         self.trend = StoredTrend::after(self.memory.store.restore_trend(journals));
@@ -82,12 +84,12 @@ impl<F: NorFlash> Device<F> {
         self.begin_stored_home(home);
     }
 
-    /// Opens the store of a board with two banks. Returns its older journals, and the home.
-    fn open_banks(&mut self, program: Program) -> ([Range<u32>; 2], FoundHome) {
+    /// Opens the store of a board with two banks.
+    fn open_banks(&mut self, program: Program) -> StartFinds {
         let opened = self.memory.store.open_mirrored(
             program.running_store(),
             program.other_store(),
-            |block| split_block(block).ok().map(|(settings, _)| settings.identity()),
+            |block| NodeSettings::split(block).map(|(settings, _)| settings.identity()),
         );
         self.program = ProgramState::new(self.memory.store.flash_mut(), program, self.base.now_us);
         opened

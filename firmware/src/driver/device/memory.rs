@@ -1,6 +1,6 @@
 //! The stored block of settings and parameters, and the defaults.
 
-use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
+use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings};
 use crate::parameter_set::ParameterSet;
 use crate::store::{Identity, LoadError, SaveOutcome, SavePlace, Store, StoreError};
 use compensator_core::parameters::Text;
@@ -56,7 +56,7 @@ impl<F: NorFlash> Memory<F> {
         };
         match loaded {
             Ok(loaded) => {
-                let (settings, parameters) = split_block(block.get(..loaded.length)?).ok()?;
+                let (settings, parameters) = NodeSettings::split(block.get(..loaded.length)?)?;
                 set.read(parameters).ok()?;
                 Some(settings)
             }

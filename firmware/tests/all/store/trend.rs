@@ -263,8 +263,8 @@ fn bank(number: u32) -> [Range<u32>; 2] {
 /// Starts an image that runs from this bank.
 fn start_from(running: u32, flash: MemoryFlash<8>) -> Store<MemoryFlash<8>> {
     let mut store = Store::open(flash);
-    let (journals, _) = store.open_mirrored(bank(running), bank(1 - running), |_| Some(IDENTITY));
-    store.restore_trend(journals);
+    let finds = store.open_mirrored(bank(running), bank(1 - running), |_| Some(IDENTITY));
+    store.restore_trend(finds.journals);
     store
 }
 
