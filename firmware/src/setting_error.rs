@@ -3,7 +3,6 @@
 use compensator_core::parameters::reason::Reason;
 use compensator_core::parameters::{Bound, ParameterError, Text, refuse};
 use compensator_core::refusal;
-use core::fmt;
 
 /// A setting is out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,19 +13,11 @@ pub struct SettingError {
     pub legal: Text,
 }
 
-impl fmt::Display for SettingError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: must be {}", self.name, self.legal)
-    }
-}
-
 impl From<SettingError> for Reason {
     fn from(SettingError { name, legal }: SettingError) -> Self {
         refusal!("{name}: must be {name}", name, legal)
     }
 }
-
-impl core::error::Error for SettingError {}
 
 /// Checks that a value is one of two.
 ///

@@ -1,9 +1,7 @@
 //! What is found in the store, and what a load or a save of it gives.
 
-use super::image;
 use compensator_core::parameters::reason::Reason;
 use compensator_core::refusal;
-use core::fmt;
 use embedded_storage::nor_flash::NorFlashErrorKind;
 
 /// State of a slot.
@@ -113,27 +111,6 @@ pub enum LoadError {
         given: usize,
     },
 }
-
-impl fmt::Display for LoadError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Empty => f.write_str("no parameter set was ever saved"),
-            Self::Damaged => f.write_str("no stored parameter set is intact"),
-            Self::Foreign(version) => {
-                write!(
-                    f,
-                    "the parameter sets are of version {version}, expected {}",
-                    image::VERSION
-                )
-            }
-            Self::TooSmall { needed, given } => {
-                write!(f, "a parameter set of {needed} bytes, but a buffer of {given}")
-            }
-        }
-    }
-}
-
-impl core::error::Error for LoadError {}
 
 /// Reason why a save failed. The set that was current stays current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

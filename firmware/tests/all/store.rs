@@ -191,7 +191,7 @@ proptest! {
                     current = Some(set);
                 }
                 Err(error) => {
-                    prop_assert!(current.is_none() && result.is_err(), "{}", error);
+                    prop_assert!(current.is_none() && result.is_err(), "{error:?}");
                 }
             }
         }
