@@ -3,7 +3,7 @@
 //! Users write them in SI units; [`Thresholds::validate`] names the field it refuses. Delays that depend on
 //! the physics of a cause, not on the joint, are in the table of [`super::codes`].
 
-use compensator_core::parameters::{Bound, ParameterError, check_ranges, refuse};
+use compensator_core::parameters::{Bound, ParameterError, Text, check_ranges, refuse};
 use compensator_core::text;
 
 compensator_core::named_fields! {
@@ -69,56 +69,27 @@ impl Thresholds {
         check_ranges(&Self::TEXTS, &self.to_array(), &Self::RANGES)?;
         let clears = text!("the clear level must be on the safe side of the trip level");
         let derates = text!("derating must begin before the trip");
-        let hysteresis = self.temperature_hysteresis_c;
-        for (field, value, least, why) in [
-            (
-                text!("bus_overvoltage_v"),
-                self.bus_overvoltage_v,
-                self.bus_overvoltage_clear_v,
-                clears,
-            ),
-            (
-                text!("bus_undervoltage_clear_v"),
-                self.bus_undervoltage_clear_v,
-                self.bus_undervoltage_v,
-                clears,
-            ),
-            (
-                text!("bus_overvoltage_clear_v"),
-                self.bus_overvoltage_clear_v,
-                self.bus_undervoltage_clear_v,
-                text!("there must be an operating voltage between the two"),
-            ),
-            (
-                text!("bridge_trip_c"),
-                self.bridge_trip_c,
-                self.bridge_derate_c + hysteresis,
-                derates,
-            ),
-            (text!("motor_trip_c"), self.motor_trip_c, self.motor_derate_c + hysteresis, derates),
-            (
-                text!("winding_max_c"),
-                self.winding_max_c,
-                self.winding_derate_c + hysteresis,
-                derates,
-            ),
-            (
-                text!("phase_check_a"),
-                self.phase_check_a,
-                2.0 * self.phase_dead_a,
-                text!("a phase that carries its share must not count as open"),
-            ),
-            (
-                text!("overcurrent_a"),
-                self.overcurrent_a,
-                self.current_offset_a,
-                text!("the offset limit must be below the overcurrent level"),
-            ),
-        ] {
-            if value <= least {
-                return refuse(field, value, Bound::MoreThan(least), why);
-            }
-        }
-        Ok(())
+        let between = text!("there must be an operating voltage between the two");
+        let open = text!("a phase that carries its share must not count as open");
+        let offset = text!("the offset limit must be below the overcurrent level");
+        let (over, over_clear) = (self.bus_overvoltage_v, self.bus_overvoltage_clear_v);
+        let (under, under_clear) = (self.bus_undervoltage_v, self.bus_undervoltage_clear_v);
+        let bridge_c = self.bridge_derate_c + self.temperature_hysteresis_c;
+        let motor_c = self.motor_derate_c + self.temperature_hysteresis_c;
+        let winding_c = self.winding_derate_c + self.temperature_hysteresis_c;
+        check_above(text!("bus_overvoltage_v"), over, over_clear, clears)?;
+        check_above(text!("bus_undervoltage_clear_v"), under_clear, under, clears)?;
+        check_above(text!("bus_overvoltage_clear_v"), over_clear, under_clear, between)?;
+        check_above(text!("bridge_trip_c"), self.bridge_trip_c, bridge_c, derates)?;
+        check_above(text!("motor_trip_c"), self.motor_trip_c, motor_c, derates)?;
+        check_above(text!("winding_max_c"), self.winding_max_c, winding_c, derates)?;
+        check_above(text!("phase_check_a"), self.phase_check_a, 2.0 * self.phase_dead_a, open)?;
+        check_above(text!("overcurrent_a"), self.overcurrent_a, self.current_offset_a, offset)
     }
+}
+
+/// Checks that a level is above another one.
+#[inline(never)]
+fn check_above(field: Text, value: f32, other: f32, why: Text) -> Result<(), ParameterError> {
+    if value <= other { refuse(field, value, Bound::MoreThan(other), why) } else { Ok(()) }
 }
