@@ -77,9 +77,10 @@ pub const fn encoder_angle(counts: u32, bits: u32) -> u32 {
 }
 
 /// State of the bridge until the next cycle.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Bridge {
     /// All six switches open.
+    #[default]
     Off,
     /// Duties of the high sides of phases a, b, c, 0..=1.
     Drive([f32; 3]),

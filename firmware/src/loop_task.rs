@@ -198,32 +198,7 @@ impl LoopTask {
         if is_touched != self.is_touched {
             self.record_touch(is_touched);
         }
-        // Parts first: the commands that follow were made for them.
-        self.takes_input = true;
-        if let Some(parts) = port.parts.peek() {
-            // In two periods, because the copy of the tuned set takes as long as that of the rest of the model.
-            if self.has_swapped {
-                self.current_loop.complete_swap(&parts.model);
-                drop(port.parts.dequeue());
-            } else {
-                self.swap(parts);
-            }
-            self.has_swapped = !self.has_swapped;
-        } else if let Some(gains) = port.gains.dequeue() {
-            self.current_loop.set_gains(&gains);
-            self.level_gain = gains.level;
-        } else if let Some(commands) = port.commands.peek() {
-            // In two periods, because a period with both halves would be the longest.
-            if self.has_taken_measurements {
-                self.apply(commands);
-                let _ = port.commands.dequeue();
-            } else {
-                self.take_measurements(commands);
-            }
-            self.has_taken_measurements = !self.has_taken_measurements;
-        } else {
-            self.takes_input = false;
-        }
+        self.takes_input = self.take_input(port);
         // A step that this period prepares is taken in a later one.
         let report_step = if self.takes_input { ReportStep::Collect } else { self.report_step };
         // The brake needs the gate driver, which sleeps once the brake has ended.
@@ -252,6 +227,37 @@ impl LoopTask {
                 self.begin_report();
             }
         }
+    }
+
+    /// Takes one input that waits: parts, gains, or half of the commands. Returns false if there is none.
+    #[inline(always)]
+    fn take_input(&mut self, port: &mut LoopPort<'_>) -> bool {
+        // Parts first: the commands that follow were made for them.
+        if let Some(parts) = port.parts.peek() {
+            // In two periods, because the copy of the tuned set takes as long as that of the rest of the model.
+            if self.has_swapped {
+                self.current_loop.complete_swap(&parts.model);
+                drop(port.parts.dequeue());
+            } else {
+                self.swap(parts);
+            }
+            self.has_swapped = !self.has_swapped;
+        } else if let Some(gains) = port.gains.dequeue() {
+            self.current_loop.set_gains(&gains);
+            self.level_gain = gains.level;
+        } else if let Some(commands) = port.commands.peek() {
+            // In two periods, because a period with both halves would be the longest.
+            if self.has_taken_measurements {
+                self.apply(commands);
+                let _ = port.commands.dequeue();
+            } else {
+                self.take_measurements(commands);
+            }
+            self.has_taken_measurements = !self.has_taken_measurements;
+        } else {
+            return false;
+        }
+        true
     }
 
     /// Keeps the rotor's angle of the last period at an edge of the touch probe's input.

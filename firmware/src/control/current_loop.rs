@@ -272,22 +272,12 @@ impl<C: Compensate> CurrentLoop<C> {
         covariates: &Covariates,
         mut flags: LoopFlags,
     ) -> CycleResult {
-        let motor = &self.motor;
-        // False for a negative or NaN age, too.
-        let is_fresh = setpoint.age_s >= 0.0 && setpoint.age_s <= motor.setpoint_timeout_s;
-        let is_finite = setpoint.current_a.is_finite();
-        flags |= LoopFlags::SETPOINT_STALE.when(!is_fresh);
-        flags |= LoopFlags::SETPOINT_INVALID.when(is_fresh & !is_finite);
-        let usable = is_fresh & is_finite;
-        let compensate =
-            self.compensating & self.driving & usable & !flags.contains(LoopFlags::ENCODER_LOST);
-        if compensate != self.compensator.is_enabled() {
-            self.compensator.set_enabled(compensate);
-        }
+        let command = self.usable_command(setpoint, &mut flags);
         let compensate = self.compensator.is_enabled();
         flags |= LoopFlags::COMPENSATION_OFF.when(!compensate);
         flags |= LoopFlags::COVARIATE_INVALID.when(covariates.has_invalid());
 
+        let motor = &self.motor;
         let velocity_rad_s = self.observer.velocity_rad_s(motor);
         let acceleration_rad_s2 = self.observer.acceleration_rad_s2(motor);
         let position_rad = self.observer.position_rad(motor);
@@ -310,7 +300,6 @@ impl<C: Compensate> CurrentLoop<C> {
             acceleration_rad_s2: observed(acceleration_rad_s2),
         });
         let output = self.compensator.step(&inputs);
-        let command = if usable { setpoint.current_a } else { 0.0 };
         let cross_fade_a = self.cross_fade_a(compensate, output.feed_forward_current_a, &mut flags);
         // Adding 0 would turn -0 into 0. Without a cross-fade the command keeps its bits.
         let command = if cross_fade_a == 0.0 { command } else { command + cross_fade_a };
@@ -324,24 +313,34 @@ impl<C: Compensate> CurrentLoop<C> {
         flags |= LoopFlags::CURRENT_LIMITED.when(acted);
         self.feed_forward_a = output.feed_forward_current_a + cross_fade_a;
         CycleResult {
-            bridge: Bridge::Off,
-            current_d_a: 0.0,
-            current_q_a: 0.0,
             current_reference_a: limited,
             current_d_reference_a: reference.d,
-            voltage_v: [0.0; 2],
-            bus_v: 0.0,
             position_rad,
             velocity_rad_s,
             acceleration_rad_s2,
             friction_torque_nm: output.friction_torque_nm,
             feed_forward_current_a: self.feed_forward_a,
-            motor_torque_nm: 0.0,
-            residual_torque_nm: 0.0,
-            residual_valid: false,
             flags,
             compensator,
+            ..CycleResult::default()
         }
+    }
+
+    /// Returns the current of the set-point, A; 0 if it is too old or not finite. Enables the compensation if it is usable.
+    #[inline(always)]
+    fn usable_command(&mut self, setpoint: &Setpoint, flags: &mut LoopFlags) -> f32 {
+        // False for a negative or NaN age, too.
+        let is_fresh = setpoint.age_s >= 0.0 && setpoint.age_s <= self.motor.setpoint_timeout_s;
+        let is_finite = setpoint.current_a.is_finite();
+        *flags |= LoopFlags::SETPOINT_STALE.when(!is_fresh);
+        *flags |= LoopFlags::SETPOINT_INVALID.when(is_fresh & !is_finite);
+        let is_usable = is_fresh & is_finite;
+        let compensate =
+            self.compensating & self.driving & is_usable & !flags.contains(LoopFlags::ENCODER_LOST);
+        if compensate != self.compensator.is_enabled() {
+            self.compensator.set_enabled(compensate);
+        }
+        if is_usable { setpoint.current_a } else { 0.0 }
     }
 
     /// Returns the reference vector, in the motor's sign, for a limited current in the joint's sign.

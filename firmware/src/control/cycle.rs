@@ -21,7 +21,7 @@ impl Setpoint {
 }
 
 /// Result of one current-loop cycle. All values are finite.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CycleResult {
     /// State of the bridge in the next period.
     pub bridge: Bridge,
