@@ -122,8 +122,7 @@ impl MotorEncoder {
         let evaluation = match &mut self.other {
             OtherEncoder::None => Evaluation::Missing,
             OtherEncoder::Quadrature(encoder) => {
-                let sector = encoder.has_hall().then(|| sector(inputs.hall()));
-                encoder.evaluate(inputs.quadrature(), sector)
+                encoder.evaluate(inputs.quadrature(), || sector(inputs.hall()))
             }
             OtherEncoder::Hall(encoder) => encoder.evaluate(sector(inputs.hall())),
             OtherEncoder::Biss(encoder) => encoder.evaluate(inputs.biss()),

@@ -52,6 +52,16 @@ enum Known {
     Index,
 }
 
+/// What an index says about the counts.
+enum IndexCheck {
+    /// None were lost, as far as is known.
+    Agrees,
+    /// So few were lost that they are corrected.
+    Corrected,
+    /// Too many were lost.
+    Contradicts,
+}
+
 /// A quadrature encoder.
 #[derive(Clone, Copy, Debug)]
 pub struct QuadratureEncoder {
@@ -103,15 +113,13 @@ impl QuadratureEncoder {
         }
     }
 
-    /// Returns true if the encoder has Hall sensors.
+    /// Evaluates a period. `sector` returns that of the Hall sensors; `None` for illegal levels.
     #[inline(always)]
-    pub const fn has_hall(&self) -> bool {
-        self.has_hall
-    }
-
-    /// Evaluates a period. `sector` is that of the Hall sensors, if there are any: `Some(None)` for illegal levels.
-    #[inline(always)]
-    pub fn evaluate(&mut self, read: Quadrature, sector: Option<Option<u8>>) -> Evaluation {
+    pub fn evaluate(
+        &mut self,
+        read: Quadrature,
+        sector: impl FnOnce() -> Option<u8>,
+    ) -> Evaluation {
         let moved = i32::from(read.count.wrapping_sub(self.last_count) as i16);
         self.last_count = read.count;
         // No motor turns so far in a period, nor does an index come from so far.
@@ -123,15 +131,17 @@ impl QuadratureEncoder {
         self.since_index = self.since_index.saturating_add(moved);
         let mut is_doubtful = read.has_double_edge;
         if let Some(at) = read.index {
-            let (is_exact, is_usable) = self.check_index(read.count.wrapping_sub(at) as i16);
-            if !is_usable {
-                self.known = Known::Nothing;
-                return Evaluation::Contradiction;
+            match self.check_index(read.count.wrapping_sub(at) as i16) {
+                IndexCheck::Agrees => {}
+                IndexCheck::Corrected => is_doubtful = true,
+                IndexCheck::Contradicts => {
+                    self.known = Known::Nothing;
+                    return Evaluation::Contradiction;
+                }
             }
-            is_doubtful |= !is_exact;
         }
-        if let Some(sector) = sector {
-            let Some(sector) = sector else { return Evaluation::Missing };
+        if self.has_hall {
+            let Some(sector) = sector() else { return Evaluation::Missing };
             // A level that lasts for one period is a disturbance.
             let is_confirmed = core::mem::replace(&mut self.last_sector, sector) == sector;
             if is_confirmed && !self.follow_hall(sector) {
@@ -183,18 +193,17 @@ impl QuadratureEncoder {
         self.goal = self.goal.wrapping_add((off as f32 * self.turns_per_electrical) as i32 as u32);
     }
 
-    /// Compares the position with an index that came this number of counts ago. Returns whether no counts were lost, and
-    /// whether so few that they are corrected.
+    /// Compares the position with an index that came this number of counts ago, and corrects it.
     #[cold]
     #[inline(never)]
-    fn check_index(&mut self, ago: i16) -> (bool, bool) {
+    fn check_index(&mut self, ago: i16) -> IndexCheck {
         self.since_index = ago.into();
         let found = self.wrapped(ago.into());
         let ahead = self.wrapped(self.position - found);
         let lost = ahead.min(self.counts_per_turn - ahead);
         let is_checked = self.known == Known::Index;
         if is_checked && lost <= INDEX_TOLERANCE_COUNTS {
-            return (true, true);
+            return IndexCheck::Agrees;
         }
         // The angle stays, and approaches that of the index.
         let shift = self.units(self.position).wrapping_sub(self.units(found));
@@ -210,7 +219,13 @@ impl QuadratureEncoder {
             Known::Nothing => (self.offset, self.goal) = (0, 0),
         }
         self.known = Known::Index;
-        (!is_checked, !is_checked || lost < self.correctable_counts)
+        if !is_checked {
+            IndexCheck::Agrees
+        } else if lost < self.correctable_counts {
+            IndexCheck::Corrected
+        } else {
+            IndexCheck::Contradicts
+        }
     }
 
     /// Compares the angle with the sector of the Hall sensors; returns true if both agree.

@@ -13,7 +13,6 @@ struct Shaft {
     /// Counts that the counter did not see.
     lost: i64,
     has_index: bool,
-    has_hall: bool,
     hall_shift: f64,
 }
 
@@ -27,7 +26,6 @@ impl Shaft {
             count,
             lost: count,
             has_index: true,
-            has_hall,
             hall_shift: 0.0,
         }
     }
@@ -47,8 +45,8 @@ impl Shaft {
         let index = has_passed.then_some((passed - self.lost) as u16);
         let read =
             Quadrature { count: (self.count - self.lost) as u16, index, has_double_edge: false };
-        let sector = self.has_hall.then(|| sector(self.levels()));
-        self.encoder.evaluate(read, sector)
+        let levels = self.levels();
+        self.encoder.evaluate(read, || sector(levels))
     }
 
     /// Error of an angle in turns, at most half an electrical turn.
@@ -178,7 +176,7 @@ fn hall_sensors_that_contradict_the_counts_are_found_within_a_sector() {
     // Illegal levels are no angle in that period.
     let mut shaft = Shaft::at(0, true);
     shaft.turn(10);
-    assert_eq!(shaft.encoder.evaluate(Quadrature::default(), Some(None)), Evaluation::Missing);
+    assert_eq!(shaft.encoder.evaluate(Quadrature::default(), || None), Evaluation::Missing);
 }
 
 #[test]
@@ -204,7 +202,7 @@ fn wrong_level_of_a_period_is_ignored() {
             let shown = sector(shaft.levels() ^ wrong);
             let count = (shaft.count - shaft.lost) as u16;
             let read = Quadrature { count, ..Quadrature::default() };
-            let evaluation = shaft.encoder.evaluate(read, Some(shown));
+            let evaluation = shaft.encoder.evaluate(read, || shown);
             assert_eq!(evaluation == Evaluation::Missing, shown.is_none(), "{evaluation:?}");
             let error =
                 (0..20).map(|_| shaft.electrical_error_of_turn(1).abs()).fold(0.0, f64::max);
@@ -236,5 +234,5 @@ fn double_edge_is_reported_with_the_angle() {
     shaft.turn(20);
     let count = (shaft.count - shaft.lost) as u16;
     let read = Quadrature { count, index: None, has_double_edge: true };
-    assert!(matches!(shaft.encoder.evaluate(read, None), Evaluation::Doubtful(_)));
+    assert!(matches!(shaft.encoder.evaluate(read, || None), Evaluation::Doubtful(_)));
 }
