@@ -43,6 +43,17 @@ pub struct Events {
     pub has_stopped: bool,
 }
 
+/// What a controller does by itself after a start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Segment {
+    /// A write, and a stop condition.
+    Write,
+    /// A write that a read follows.
+    WriteBeforeRead,
+    /// A read, and a stop condition.
+    Read,
+}
+
 /// An I2C controller with manual control of its lines.
 pub trait Controller {
     /// The lines under manual control.
@@ -51,9 +62,8 @@ pub trait Controller {
     /// Returns what has happened since the last start.
     fn events(&mut self) -> Events;
 
-    /// Clears the events and begins a write or, with `reads`, a read of `count` bytes. A stop condition follows the last
-    /// byte, unless a read follows.
-    fn start(&mut self, address: u8, count: u8, reads: bool, stops: bool);
+    /// Clears the events and begins a segment of `count` bytes.
+    fn start(&mut self, address: u8, count: u8, segment: Segment);
 
     /// Sends a byte.
     fn send(&mut self, byte: u8);
@@ -115,8 +125,12 @@ struct Transfer {
 enum Work {
     Idle,
     Transfer(Transfer),
-    /// A result that its driver has not fetched, and its age in steps.
-    Ended(Transfer, Result<(), BusFault>, u8),
+    /// A result that its driver has not fetched.
+    Ended {
+        transfer: Transfer,
+        result: Result<(), BusFault>,
+        age_steps: u8,
+    },
     Recovery(Recovery),
 }
 
@@ -139,12 +153,12 @@ impl<C: Controller> SteppedI2c<C> {
             Work::Idle => {}
             Work::Transfer(transfer) => {
                 if let Some(result) = transfer.step(&mut self.controller) {
-                    self.work = Work::Ended(*transfer, result, 0);
+                    self.work = Work::Ended { transfer: *transfer, result, age_steps: 0 };
                 }
             }
-            Work::Ended(_, _, age) => {
-                *age += 1;
-                if *age == KEPT_STEPS {
+            Work::Ended { age_steps, .. } => {
+                *age_steps += 1;
+                if *age_steps == KEPT_STEPS {
                     self.work = Work::Idle;
                 }
             }
@@ -160,7 +174,7 @@ impl<C: Controller> SteppedI2c<C> {
 
     /// Begins a transfer, or fetches its result.
     fn transfer(&mut self, address: u8, command: &[u8], into: &mut [u8]) -> Result<(), BusFault> {
-        if let Work::Ended(transfer, result, _) = self.work
+        if let Work::Ended { transfer, result, .. } = self.work
             && transfer.address == address
         {
             self.work = Work::Idle;
@@ -172,7 +186,8 @@ impl<C: Controller> SteppedI2c<C> {
         }
         if matches!(self.work, Work::Idle) {
             let transfer = Transfer::new(address, command, into.len())?;
-            self.controller.start(address, transfer.to_send, false, into.is_empty());
+            let segment = if into.is_empty() { Segment::Write } else { Segment::WriteBeforeRead };
+            self.controller.start(address, transfer.to_send, segment);
             self.work = Work::Transfer(transfer);
         }
         Err(BusFault::Pending)
@@ -229,7 +244,7 @@ impl Transfer {
             self.sent += 1;
         } else if events.is_complete && self.to_receive > 0 {
             self.waited = 0;
-            controller.start(self.address, self.to_receive, true, true);
+            controller.start(self.address, self.to_receive, Segment::Read);
         } else if events.has_stopped && self.to_receive == 0 {
             return Some(Ok(()));
         }

@@ -47,11 +47,12 @@ impl Controller for Simulated {
         if self.is_held { Events::default() } else { self.events }
     }
 
-    fn start(&mut self, address: u8, count: u8, reads: bool, stops: bool) {
+    fn start(&mut self, address: u8, count: u8, segment: Segment) {
         assert!(!self.is_manual, "the lines are under manual control");
         self.starts += 1;
         self.accesses += 1;
-        (self.address, self.stops) = (address, stops);
+        let reads = segment == Segment::Read;
+        (self.address, self.stops) = (address, segment != Segment::WriteBeforeRead);
         let is_present = self.present.contains(&address);
         self.events = Events {
             not_acknowledged: !is_present,

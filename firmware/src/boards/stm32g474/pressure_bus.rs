@@ -11,9 +11,9 @@ use embassy_stm32::i2c::{Config, I2c, Master};
 use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac;
 use embassy_stm32::pac::gpio::{Gpio, vals::Moder};
-use embassy_stm32::pac::i2c::vals::Dir;
+use embassy_stm32::pac::i2c::vals::{Autoend, Dir};
 use firmware::sensors::bus_recovery::BusWires;
-use firmware::sensors::stepped_i2c::{Controller, Events, SteppedI2c};
+use firmware::sensors::stepped_i2c::{Controller, Events, Segment, SteppedI2c};
 
 /// The I2C bus with recovery.
 pub type PressureBus = SteppedI2c<PressureController>;
@@ -52,7 +52,7 @@ impl Controller for PressureController {
         }
     }
 
-    fn start(&mut self, address: u8, count: u8, reads: bool, stops: bool) {
+    fn start(&mut self, address: u8, count: u8, segment: Segment) {
         I2C.icr().write(|w| {
             w.set_nackcf(true);
             w.set_stopcf(true);
@@ -61,13 +61,10 @@ impl Controller for PressureController {
         });
         I2C.cr2().write(|w| {
             w.set_sadd(u16::from(address) << 1);
-            w.set_dir(if reads { Dir::READ } else { Dir::WRITE });
+            w.set_dir(if segment == Segment::Read { Dir::READ } else { Dir::WRITE });
             w.set_nbytes(count);
-            w.set_autoend(if stops {
-                pac::i2c::vals::Autoend::AUTOMATIC
-            } else {
-                pac::i2c::vals::Autoend::SOFTWARE
-            });
+            let is_open = segment == Segment::WriteBeforeRead;
+            w.set_autoend(if is_open { Autoend::SOFTWARE } else { Autoend::AUTOMATIC });
             w.set_start(true);
         });
     }
