@@ -4,8 +4,10 @@
 
 use super::Connection;
 
-/// Shunt of a phase, ohm, and gain of its amplifier.
-pub const SHUNT: [f32; 2] = [0.0005, 20.0];
+/// Shunt of a phase, ohm.
+pub const SHUNT_OHM: f32 = 0.0005;
+/// Gain of its amplifier.
+pub const AMPLIFIER_GAIN: f32 = 20.0;
 /// Divider of the bus voltage, kohm: above and below its tap.
 pub const BUS_DIVIDER: [f32; 2] = [100.0, 4.7];
 /// Dead time of a half bridge, in timer counts (400 ns). At most 127.

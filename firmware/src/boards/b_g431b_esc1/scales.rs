@@ -14,14 +14,14 @@ use firmware::sensors::shunt::{CONVERTER_RANGE_COUNTS, OffsetRange};
 /// Timer of 32 bits that counts the time.
 pub const TIME_COUNTER: pac::timer::TimGp32 = pac::TIM2;
 
-/// Share of the shunt's voltage at the input of an amplifier, and the voltage there without current, V: three resistors.
-const SHARE_AND_SHIFT: [f32; 2] = {
-    let [shunt, ground, supply] = [1.0 / SHIFT_KOHM[0], 1.0 / SHIFT_KOHM[1], 1.0 / SHIFT_KOHM[2]];
-    let sum = shunt + ground + supply;
-    [shunt / sum, REFERENCE_V * supply / sum]
-};
+/// Conductances of the resistors at the input of an amplifier, to the shunt and to the supply, and of all three, 1/kohm.
+const TO_SHUNT: f32 = 1.0 / SHIFT_KOHM[0];
+const TO_SUPPLY: f32 = 1.0 / SHIFT_KOHM[2];
+const CONDUCTANCE: f32 = TO_SHUNT + 1.0 / SHIFT_KOHM[1] + TO_SUPPLY;
 /// Voltage of an ampere at the input of an amplifier, V.
-const INPUT_V_PER_A: f32 = SHUNT_OHM * SHARE_AND_SHIFT[0];
+const INPUT_V_PER_A: f32 = SHUNT_OHM * (TO_SHUNT / CONDUCTANCE);
+/// Voltage there without current, V.
+const SHIFT_V: f32 = REFERENCE_V * TO_SUPPLY / CONDUCTANCE;
 /// Scale of the shunts: -64/7 of their voltage. A current into the motor lowers it, unless the parameter `shunt_sign` states
 /// otherwise.
 pub const AMPERES_PER_COUNT: f32 =
@@ -29,7 +29,7 @@ pub const AMPERES_PER_COUNT: f32 =
 /// Offsets of the amplifiers that are accepted: 1.5 to 2.3 V. By the resistors, it is 2.06 V.
 pub const OFFSETS: OffsetRange = OffsetRange { above: counts_of(1.5), below: counts_of(2.3) };
 const _: () = {
-    let counts = counts_of(SHARE_AND_SHIFT[1] * AMPLIFIER_GAIN);
+    let counts = counts_of(SHIFT_V * AMPLIFIER_GAIN);
     assert!(OFFSETS.above < counts && counts < OFFSETS.below, "the offset would be refused");
 };
 
@@ -44,7 +44,7 @@ const fn counts_of(volts: f32) -> u16 {
 
 /// Returns the level of a comparator at the input of an amplifier for a current out of the motor, A, in converter counts.
 pub const fn comparator_level(current_a: f32) -> u16 {
-    counts_of(SHARE_AND_SHIFT[1] + INPUT_V_PER_A * current_a)
+    counts_of(SHIFT_V + INPUT_V_PER_A * current_a)
 }
 
 /// Settling time of an amplifier once its low side conducts, s: 1.3 us were measured on this board.

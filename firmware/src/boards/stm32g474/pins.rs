@@ -43,8 +43,8 @@ pub use table::*;
 pub const WIRING: u32 = identity(
     TABLE,
     &[
-        SHUNT[0],
-        SHUNT[1],
+        SHUNT_OHM,
+        AMPLIFIER_GAIN,
         BUS_DIVIDER[0],
         BUS_DIVIDER[1],
         DEAD_TIME as f32,

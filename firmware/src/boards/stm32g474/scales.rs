@@ -1,7 +1,7 @@
 //! Frequencies, scales and levels of this board: the values to change with its parts.
 
 pub use super::clocks::CORE_HZ;
-use super::pins::{AMPLIFIER_SETTLING_S, BUS_DIVIDER, SHUNT};
+use super::pins::{AMPLIFIER_GAIN, AMPLIFIER_SETTLING_S, BUS_DIVIDER, SHUNT_OHM};
 pub use super::pins::{BREAK_CEILING_A, DEAD_TIME};
 use super::rates::REFERENCE_V;
 pub use super::rates::{CAN_HZ, LIMITS, LOOP_HZ, PWM_TOP, WATCHDOG_US};
@@ -21,7 +21,7 @@ pub const TIME_COUNTER: pac::timer::TimGp32 = pac::TIM5;
 /// Scale of the shunts. A current into the motor lowers the voltage of a low-side shunt, unless the
 /// parameter `shunt_sign` states otherwise.
 pub const AMPERES_PER_COUNT: f32 =
-    -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * SHUNT[0] * SHUNT[1]);
+    -REFERENCE_V / (CONVERTER_RANGE_COUNTS as f32 * SHUNT_OHM * AMPLIFIER_GAIN);
 /// Offsets of the amplifiers that are accepted.
 pub const OFFSETS: OffsetRange = OffsetRange::CENTRAL;
 /// Levels of the ceiling, which hold until the parameters are read.

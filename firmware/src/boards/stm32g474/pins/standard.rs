@@ -2,8 +2,10 @@
 
 use super::Connection;
 
-/// Shunt of a phase, ohm, and gain of its amplifier.
-pub const SHUNT: [f32; 2] = [0.001, 20.0];
+/// Shunt of a phase, ohm.
+pub const SHUNT_OHM: f32 = 0.001;
+/// Gain of its amplifier.
+pub const AMPLIFIER_GAIN: f32 = 20.0;
 /// Divider of the bus voltage, kohm: above and below its tap.
 pub const BUS_DIVIDER: [f32; 2] = [68.0, 3.3];
 /// Dead time of a half bridge, in timer counts (500 ns). At most 127.
