@@ -155,17 +155,16 @@ mod app {
         let shunts = measure_offsets(&mut stage);
         watchdog::refresh_if_loop_runs();
         let counts = stage.counts();
+        let counts = [counts.phase_a, counts.phase_b];
         let [has_a, has_b] = shunts.each_ref().map(Option::is_some);
-        let failed_self_test =
-            overcurrent::self_test([counts.phase_a, counts.phase_b], power_stage::clear_breaks).or(
-                SelfTest::first_failed(&[
-                    (SelfTest::Wiring, pins::wiring::are_connected(connections.as_ref())),
-                    (SelfTest::Duties, are_duties_at_top),
-                    (SelfTest::EncoderClock, encoder::is_set_up_correctly()),
-                    (SelfTest::OffsetA, has_a),
-                    (SelfTest::OffsetB, has_b),
-                ]),
-            );
+        let failed_comparator = overcurrent::self_test(counts, power_stage::clear_breaks);
+        let failed_self_test = failed_comparator.or(SelfTest::first_failed(&[
+            (SelfTest::Wiring, pins::wiring::are_connected(connections.as_ref())),
+            (SelfTest::Duties, are_duties_at_top),
+            (SelfTest::EncoderClock, encoder::is_set_up_correctly()),
+            (SelfTest::OffsetA, has_a),
+            (SelfTest::OffsetB, has_b),
+        ]));
         start::check_brown_out_level();
 
         let boot = Boot { program: Some(PROGRAM), ..previous.boot(failed_self_test) };
@@ -173,9 +172,6 @@ mod app {
         let background = boot_background(context.local.place, store, &boot);
         watchdog::refresh_if_loop_runs();
         let seed = random::seed();
-        if seed.is_none() {
-            defmt::warn!("no random numbers: the challenges depend on key and time");
-        }
         background.equip(Equipment { sends_fd: true, scope: Some(context.local.scope), seed });
         let task = background.loop_task(scales::LIMITS);
         let BusSettings { node, bit_rate_kbit, data_bit_rate_kbit } = background.bus_settings();
