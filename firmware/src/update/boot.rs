@@ -3,14 +3,16 @@
 //! Images are ordered by the number of their update, the newest first. The first one starts that is bare, or signed,
 //! intact, not rejected, and confirmed or with a start left. An unconfirmed image that was reset by the watchdog or by
 //! software is rejected: it hung, or panicked. A loss of power, and a restart that the bus ordered, only use one of its
-//! starts. A reset by a debugger ([`LastRun::Debugged`]) uses none. An image for another board or another wiring does not start, and before its first start an image must not be
-//! older than a confirmed one: the receiver checks both, but it may be the part that was replaced.
+//! starts. A reset by a debugger ([`LastRun::Debugged`]) uses none. An image for another board or another wiring does not
+//! start, and before its first start an image must not be older than a confirmed one: the receiver checks both, but it may
+//! be the part that was replaced.
 
 use super::flash::read_chunks;
 use super::marks::{self, ImageState, SlotState, TRIALS, is_newer};
 use super::package::HEADER_BYTES;
 use super::signature;
 use super::{Board, Slot};
+use crate::supervisor::ResetCause;
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -52,12 +54,14 @@ pub enum LastRun {
 }
 
 impl LastRun {
-    /// Returns the end of the last run by the flags of the reset, and whether a debugger is attached.
-    pub const fn of(by_watchdog: bool, by_software: bool, is_debugged: bool) -> Self {
-        match (by_watchdog, by_software) {
-            (false, true) if is_debugged => Self::Debugged,
-            (false, false) => Self::Interrupted,
-            _ => Self::Failed,
+    /// Returns the end of the last run by the cause of the reset, and whether a debugger is attached.
+    pub const fn of(reset: ResetCause, is_debugged: bool) -> Self {
+        match reset {
+            ResetCause::Software if is_debugged => Self::Debugged,
+            ResetCause::Software | ResetCause::Watchdog => Self::Failed,
+            ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::Pin | ResetCause::Unknown => {
+                Self::Interrupted
+            }
         }
     }
 }

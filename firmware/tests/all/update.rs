@@ -12,6 +12,7 @@ use bench::{
 use ed25519_dalek::SigningKey;
 use embedded_storage::nor_flash::NorFlash;
 use firmware::store::memory::TornStep;
+use firmware::supervisor::ResetCause;
 use firmware::update::Board;
 use firmware::update::boot::{LastRun, Requirement, Selection, select};
 use firmware::update::marks::{self, SlotState};
@@ -112,7 +113,7 @@ fn trial_with_resets_by_a_debugger_goes_on_and_uses_no_start() {
     let (old, new) = (package(1, 5), package(2, 5));
     let mut flash = flash_with(&old);
     assert_eq!(receive(&mut flash, 0, &new), End::Done);
-    let debugged = LastRun::of(false, true, true);
+    let debugged = LastRun::of(ResetCause::Software, true);
     let before = flash.steps();
     assert_eq!(start_after(&mut flash, debugged), started(1, true), "the first start is marked");
     let after_first = flash.steps();
@@ -122,15 +123,15 @@ fn trial_with_resets_by_a_debugger_goes_on_and_uses_no_start() {
     }
     assert_eq!(flash.steps(), after_first);
     // A watchdog reset counts, with a debugger too.
-    assert_eq!(start_after(&mut flash, LastRun::of(true, true, true)), started(0, false));
+    assert_eq!(start_after(&mut flash, LastRun::of(ResetCause::Watchdog, true)), started(0, false));
     assert_eq!(start_after(&mut flash, debugged), started(0, false), "it is rejected for good");
 }
 
 #[test]
 fn last_run_with_software_reset_and_no_debugger_has_failed() {
-    assert_eq!(LastRun::of(false, true, false), LastRun::Failed);
-    assert_eq!(LastRun::of(true, false, true), LastRun::Failed);
-    assert_eq!(LastRun::of(false, false, true), LastRun::Interrupted);
+    assert_eq!(LastRun::of(ResetCause::Software, false), LastRun::Failed);
+    assert_eq!(LastRun::of(ResetCause::Watchdog, true), LastRun::Failed);
+    assert_eq!(LastRun::of(ResetCause::Pin, true), LastRun::Interrupted);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! It starts the newest good image, or answers on the bus if there is none.
+//! The boot program: it starts the newest good image, or answers on the bus if there is none.
 //!
 //! It is the first 20 KB of each bank, which no update writes: the part in the second bank is the check of a signature and
 //! the node in recovery. It runs on the internal oscillator, under the watchdog, with which it hands over: an image that hangs
@@ -33,6 +33,7 @@ use banks::{BOARD, FLASH_BASE, PROGRAM, SLOTS};
 use cortex_m::peripheral::DCB;
 use embassy_stm32::{pac, peripherals};
 use embedded_storage::nor_flash::ReadNorFlash;
+use firmware::supervisor::ResetCause;
 use firmware::update::boot::{LastRun, Requirement, Selection, select};
 use firmware::update::package::HEADER_BYTES;
 use flash::ChipFlash;
@@ -52,7 +53,14 @@ fn main() -> ! {
     let flags = pac::RCC.csr().read();
     // The image reads the same flags and clears them.
     let by_watchdog = flags.iwdgrstf() || flags.wwdgrstf();
-    let last_run = LastRun::of(by_watchdog, flags.sftrstf(), DCB::is_debugger_attached());
+    let reset = if by_watchdog {
+        ResetCause::Watchdog
+    } else if flags.sftrstf() {
+        ResetCause::Software
+    } else {
+        ResetCause::Unknown
+    };
+    let last_run = LastRun::of(reset, DCB::is_debugger_attached());
     // SAFETY: nothing else uses the flash controller yet; recovery does not use it through embassy's peripherals.
     let mut flash = ChipFlash::new(unsafe { peripherals::FLASH::steal() });
     let requirement = Requirement { board: BOARD, public_key: UPDATE_KEY };

@@ -145,7 +145,7 @@ fn ended(flash: &Flash, refusal: Refusal) -> End {
 
 /// Starts the device.
 pub fn start(flash: &mut Flash, has_failed: bool) -> Selection {
-    start_after(flash, LastRun::of(has_failed, false, false))
+    start_after(flash, if has_failed { LastRun::Failed } else { LastRun::Interrupted })
 }
 
 /// Starts the device after this end of its last run.

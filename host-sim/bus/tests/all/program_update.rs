@@ -97,8 +97,7 @@ impl Joint {
     }
 
     fn start(mut flash: Flash, cause: ResetCause, fails: bool, now_ns: u64) -> Running {
-        let last_run =
-            LastRun::of(cause == ResetCause::Watchdog, cause == ResetCause::Software, false);
+        let last_run = LastRun::of(cause, false);
         let public_key = SigningKey::from_bytes(&KEY).verifying_key().to_bytes();
         let requirement = Requirement { board: BOARD, public_key };
         let now_us = now_ns / 1000;

@@ -125,8 +125,7 @@ impl Joint {
     fn start(&mut self, cause: ResetCause) {
         let mut flash = self.flash().clone();
         flash.flash.power_on();
-        let last_run =
-            LastRun::of(cause == ResetCause::Watchdog, cause == ResetCause::Software, false);
+        let last_run = LastRun::of(cause, false);
         let before = SLOTS.map(|slot| marks::state(&mut flash, &slot));
         flash.allowed = SLOTS.each_ref().map(|slot| slot.marks_page(PAGE)).to_vec();
         let selection = select(&mut flash, &SLOTS, &requirement(), last_run, |_, _| true);

@@ -59,7 +59,7 @@ fn change(flash: &mut Flash, bytes: &mut Bytes) {
 /// Starts the board once; returns the selection.
 fn check_start(flash: &mut Flash, has_failed: bool) -> Selection {
     let before = SLOTS.each_ref().map(|slot| marks::state(flash, slot));
-    let last_run = LastRun::of(has_failed, false, false);
+    let last_run = if has_failed { LastRun::Failed } else { LastRun::Interrupted };
     let selection = select(flash, &SLOTS, &requirement(), last_run, |_, _| true);
     let Selection::Start { slot, is_trial } = selection else { return selection };
     let is_bare = before[slot] == SlotState::Bare;
