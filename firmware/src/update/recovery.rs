@@ -164,7 +164,9 @@ impl<F: NorFlash> Objects for RecoveryObjects<F> {
         let done = if at.index == index::PROGRAM_DATA {
             self.session.write(&mut self.flash, value, now_us)
         } else {
-            let command = *value.first().ok_or(Abort::TooShort)?;
+            let [command] = *value else {
+                return Err(if value.is_empty() { Abort::TooShort } else { Abort::TooLong });
+            };
             self.session.control(&mut self.flash, command, now_us)
         };
         done.map_err(RequestError::abort)
@@ -204,5 +206,38 @@ impl<F: NorFlash> Objects for RecoveryObjects<F> {
                 && matches!(at.subindex, ProgramObject::STATE | ProgramObject::OTHER_STATE);
         let length = if is_byte { 1 } else { bytes.len() };
         value.extend_from_slice(bytes.get(..length).unwrap_or(&bytes)).map_err(|_| Abort::Memory)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::memory::{MemoryFlash, PAGE_BYTES};
+    use crate::update::session::CLEAR;
+    use crate::update::{Board, Slot};
+
+    #[test]
+    fn program_control_takes_one_byte() {
+        const PAGE: u32 = PAGE_BYTES as u32;
+        let slot = |page: u32| Slot { start: page * PAGE, marks: (page + 1) * PAGE };
+        let program = Program {
+            board: Board { number: 1, wiring: 2 },
+            key_at: 0,
+            base: 0,
+            running: slot(0),
+            other: slot(2),
+            stores: [4 * PAGE, 6 * PAGE],
+            store_bytes: 2 * PAGE,
+        };
+        let flash = MemoryFlash::<8>::new();
+        let mut recovery = Recovery::boot(NodeId::FIRST, flash, program, identity(1), 0);
+        let control = Address::new(index::PROGRAM_CONTROL, 1);
+        for (value, result) in [
+            (&[CLEAR][..], Ok(())),
+            (&[], Err(Abort::TooShort)),
+            (&[CLEAR, 0], Err(Abort::TooLong)),
+        ] {
+            assert_eq!(recovery.objects.write(control, value), result);
+        }
     }
 }

@@ -28,6 +28,10 @@ const OTHER_ERROR: u32 = 63;
 /// Object 1F57h of a board without updates.
 pub const NO_UPDATES: u32 = OTHER_ERROR << 1;
 
+/// Command to go on with a package that a loss of power interrupted.
+const PREPARE: u8 = 0;
+/// Command to start the received program.
+const START: u8 = 1;
 /// Command to restart.
 pub const RESTART: u8 = 2;
 /// Command to begin a new package.
@@ -170,18 +174,18 @@ impl Session {
     ) -> Result<(), RequestError> {
         (self.now_us, self.accessed_us) = (now_us, now_us);
         match command {
-            0 => {
+            PREPARE => {
                 let resumed = self.receiver.resume(flash);
                 self.receiving = resumed.map_or(0, |header| header.identity);
                 Ok(())
             }
-            1 if self.receiver.is_ready() => {
+            START if self.receiver.is_ready() => {
                 self.request_restart(now_us + RESTART_DELAY_US);
                 Ok(())
             }
             // The running program is started already.
-            1 if !self.receiver.is_busy() && self.receiver.refusal().is_none() => Ok(()),
-            1 => Err(RequestError::NotReady),
+            START if !self.receiver.is_busy() && self.receiver.refusal().is_none() => Ok(()),
+            START => Err(RequestError::NotReady),
             RESTART => {
                 self.request_restart(now_us + RESTART_DELAY_US);
                 Ok(())
