@@ -43,22 +43,21 @@ const NOISE_SHARE_MAX: f32 = 0.1;
 pub const INDUCTANCE_TOLERANCE: f32 = 0.05;
 
 /// Returns the highest bandwidth that a winding permits, as a share of the loop rate, between [`BANDWIDTH_SHARE_ANY`] and
-/// [`BANDWIDTH_SHARE_MAX`]. Resistance in ohm, inductances along and across the magnet in H, minimum bus voltage in V,
-/// period in s.
+/// [`BANDWIDTH_SHARE_MAX`]. The inductances are along and across the magnet.
 pub fn bandwidth_share(
-    resistance: f32,
-    inductance: [f32; 2],
+    resistance_ohm: f32,
+    inductances_h: [f32; 2],
     bus_min_v: f32,
     period_s: f32,
 ) -> f32 {
-    let [d, q] = inductance;
-    let (least, most) = if d < q { (d, q) } else { (q, d) };
-    if least < TIME_CONSTANT_MIN_PERIODS * resistance * period_s {
+    let [d_h, q_h] = inductances_h;
+    let (least_h, most_h) = if d_h < q_h { (d_h, q_h) } else { (q_h, d_h) };
+    if least_h < TIME_CONSTANT_MIN_PERIODS * resistance_ohm * period_s {
         return BANDWIDTH_SHARE_ANY;
     }
     // kp = g R / (1 - a), which is g L / T for a slow winding.
-    let decay = one_minus_exp(resistance * COLD_SHARE * period_s / most);
-    let noise_v = CURRENT_NOISE_A * resistance * COLD_SHARE / decay;
+    let decay = one_minus_exp(resistance_ohm * COLD_SHARE * period_s / most_h);
+    let noise_v = CURRENT_NOISE_A * resistance_ohm * COLD_SHARE / decay;
     let loop_gain = NOISE_SHARE_MAX * MAX_VECTOR_PER_BUS_V * bus_min_v / noise_v;
     // The chord of `g` over the share: within 2 % of the curve.
     let (of_any, of_max) = (loop_gain_of(BANDWIDTH_SHARE_ANY), loop_gain_of(BANDWIDTH_SHARE_MAX));
@@ -112,18 +111,18 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Returns gains that cancel the pole of the winding. Resistance in ohm, inductance in H, bandwidth in Hz,
-    /// period in s. All must be positive, which [`super::MotorParameters`] ensures.
+    /// Returns gains that cancel the pole of the winding. All values must be positive, which
+    /// [`super::MotorParameters`] ensures.
     #[inline(never)]
     pub fn with_pole_cancellation(
-        resistance: f32,
-        inductance: f32,
+        resistance_ohm: f32,
+        inductance_h: f32,
         bandwidth_hz: f32,
         period_s: f32,
     ) -> Self {
-        let decay = one_minus_exp(resistance * period_s / inductance);
+        let decay = one_minus_exp(resistance_ohm * period_s / inductance_h);
         let loop_gain = loop_gain_of(bandwidth_hz * period_s);
-        let kp = loop_gain * resistance / decay;
+        let kp = loop_gain * resistance_ohm / decay;
         Self::new(kp, kp * decay)
     }
 
