@@ -52,9 +52,7 @@ impl VelocityGains {
             slew_rad_s: motor.acceleration_max_rad_s2 * period_s,
         }
     }
-}
 
-impl VelocityGains {
     /// Returns the gains with another maximum acceleration of the reference, rad/s^2, for a step of `period_s`.
     #[must_use]
     pub fn with_acceleration(self, acceleration_rad_s2: f32, period_s: f32) -> Self {
@@ -137,7 +135,7 @@ impl VelocityLoop {
         withheld_a: f32,
     ) -> VelocityCommand {
         if !(target_rad_s.is_finite() && velocity_rad_s.is_finite()) {
-            return VelocityCommand { current_a: 0.0, reference_rad_s: self.reference_rad_s };
+            return self.command(0.0);
         }
         let change = clamp(target_rad_s - self.reference_rad_s, gains.slew_rad_s);
         self.reference_rad_s += change;
@@ -180,7 +178,7 @@ impl VelocityLoop {
         let withheld_a = if withheld_a.is_finite() { withheld_a } else { 0.0 };
         let growth_a = if grows { gains.integral * error } else { 0.0 };
         self.integral_a = clamp(self.integral_a + growth_a + gains.tracking * withheld_a, limit_a);
-        VelocityCommand { current_a, reference_rad_s: self.reference_rad_s }
+        self.command(current_a)
     }
 
     /// Returns a command with this current, A, at the present reference.
