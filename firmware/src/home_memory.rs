@@ -10,7 +10,7 @@ use core::ptr;
 
 /// Words of a home, and their check.
 const WORDS: usize = 5;
-/// The last word is the sum of the others and this one.
+/// Start of the check, so that cleared RAM holds no home.
 const CHECK: u32 = u32::from_le_bytes(*b"HOME");
 
 /// Survives a reset: start-up code neither clears nor initialises this section.
@@ -33,6 +33,7 @@ pub fn kept() -> Option<KeptHome> {
     (check == checked(&words)).then(|| KeptHome::from_words(words))
 }
 
+/// Returns the check of a home: a sum that depends on the order of the words.
 fn checked(words: &[u32; 4]) -> u32 {
     words.iter().fold(CHECK, |sum, word| sum.rotate_left(5).wrapping_add(*word))
 }

@@ -4,8 +4,9 @@
 //! the current loop. Both use the Stribeck table of [`crate::curve`].
 //!
 //! The exponential, logarithm and arc tangent of `f32` also come from `libm`: the exponential of micromath is
-//! slower and less accurate. The power of `f32` is computed from the two. The sine of `f32` comes from micromath. Its error, about 1e-3 of the
-//! amplitude, is negligible, because ripple amplitudes are a few percent of the friction.
+//! slower and less accurate. The power of `f32` is computed from the two. The sine of `f32` comes from
+//! micromath. Its error, about 1e-3 of the amplitude, is negligible, because ripple amplitudes are a few percent
+//! of the friction.
 
 use super::{Mask, Real};
 use crate::curve;
