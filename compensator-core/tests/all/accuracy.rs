@@ -82,14 +82,31 @@ fn runs(motion: &Motion, stride: usize) -> [Run; 5] {
     .map(|scheme| run(scheme, motion, stride))
 }
 
-/// A row of the table: the section, the motion with the rate, and the values.
-type Row = (usize, String, Vec<Option<f64>>);
+/// A row of the table.
+struct Row {
+    /// Place of its section in [`SECTIONS`].
+    section: usize,
+    /// The motion with the rate.
+    name: String,
+    /// A value of each column; `None` if the scheme diverged.
+    values: Vec<Option<f64>>,
+}
 
-const SECTIONS: [(&str, &[&str]); 4] = [
-    ("RMS error against the reference, % of F_S", &SCHEMES),
-    ("Largest error against the reference, % of F_S", &SCHEMES),
-    ("Largest distance from the core's f64 step, % of F_S", &["core f32", "core Fixed"]),
-    ("Largest distance of a network's factors from f64, % of 1", &["core f32", "core Fixed"]),
+/// A section of the table.
+struct Section {
+    title: &'static str,
+    columns: &'static [&'static str],
+}
+
+const NUMBER_TYPES: &[&str] = &["core f32", "core Fixed"];
+const SECTIONS: [Section; 4] = [
+    Section { title: "RMS error against the reference, % of F_S", columns: &SCHEMES },
+    Section { title: "Largest error against the reference, % of F_S", columns: &SCHEMES },
+    Section { title: "Largest distance from the core's f64 step, % of F_S", columns: NUMBER_TYPES },
+    Section {
+        title: "Largest distance of a network's factors from f64, % of 1",
+        columns: NUMBER_TYPES,
+    },
 ];
 
 fn measured() -> Vec<Row> {
@@ -98,13 +115,14 @@ fn measured() -> Vec<Row> {
         for (rate, stride) in RATES {
             let runs = runs(&motion, stride);
             let name = format!("{}, {rate}", motion.name);
-            rows.push((0, name.clone(), runs.iter().map(Run::rms).collect()));
-            rows.push((1, name.clone(), runs.iter().map(Run::largest).collect()));
-            rows.push((
-                2,
-                name,
+            let sections = [
+                runs.iter().map(Run::rms).collect(),
+                runs.iter().map(Run::largest).collect(),
                 runs[1..3].iter().map(|run| run.largest_difference(&runs[0])).collect(),
-            ));
+            ];
+            for (section, values) in sections.into_iter().enumerate() {
+                rows.push(Row { section, name: name.clone(), values });
+            }
         }
     }
     let exact = network::factors::<f64>();
@@ -112,21 +130,21 @@ fn measured() -> Vec<Row> {
         let pairs = factors.iter().flatten().zip(exact.iter().flatten());
         pairs.map(|(a, b)| 100.0 * (a - b).abs()).reduce(f64::max)
     };
-    let numbers = vec![
+    let values = vec![
         largest_difference(network::factors::<f32>()),
         largest_difference(network::factors::<Fixed>()),
     ];
-    rows.push((3, "8 cells, 10,000 evaluations".into(), numbers));
+    rows.push(Row { section: 3, name: "8 cells, 10,000 evaluations".into(), values });
     rows
 }
 
 fn written(rows: &[Row]) -> String {
     let mut text = String::new();
-    for (section, (title, columns)) in SECTIONS.iter().enumerate() {
+    for (section, Section { title, columns }) in SECTIONS.iter().enumerate() {
         let separator = if section == 0 { "" } else { "\n" };
         writeln!(text, "{separator}# {title}\nmotion\t{}", columns.join("\t")).unwrap();
-        for (_, name, numbers) in rows.iter().filter(|row| row.0 == section) {
-            let cells: Vec<String> = numbers.iter().map(|number| cell(*number)).collect();
+        for Row { name, values, .. } in rows.iter().filter(|row| row.section == section) {
+            let cells: Vec<String> = values.iter().map(|number| cell(*number)).collect();
             writeln!(text, "{name}\t{}", cells.join("\t")).unwrap();
         }
     }
@@ -145,7 +163,7 @@ fn read(text: &str) -> Vec<Row> {
     let mut section = 0;
     for line in text.lines() {
         if let Some(title) = line.strip_prefix("# ") {
-            section = SECTIONS.iter().position(|known| known.0 == title).expect("a known section");
+            section = SECTIONS.iter().position(|known| known.title == title).expect(line);
         }
         if !line.contains('\t') || line.starts_with("motion") {
             continue;
@@ -153,31 +171,32 @@ fn read(text: &str) -> Vec<Row> {
         let mut cells = line.split('\t');
         let name = cells.next().unwrap().to_string();
         let number = |cell: &str| (cell != "diverges").then(|| cell.parse().expect("a number"));
-        rows.push((section, name, cells.map(number).collect()));
+        rows.push(Row { section, name, values: cells.map(number).collect() });
     }
-    rows.sort_by_key(|row: &Row| row.0);
+    rows.sort_by_key(|row| row.section);
     rows
 }
 
 #[test]
 fn accuracy_of_every_scheme_matches_table() {
     let mut rows = measured();
-    rows.sort_by_key(|row| row.0);
+    rows.sort_by_key(|row| row.section);
     if std::env::var_os("UPDATE_TABLES").is_some() {
         std::fs::write(TABLE, written(&rows)).expect("the table can be written");
     }
     let table = read(&std::fs::read_to_string(TABLE).expect("the table is in git"));
-    let names = |rows: &[Row]| rows.iter().map(|row| (row.0, row.1.clone())).collect::<Vec<_>>();
+    let names =
+        |rows: &[Row]| rows.iter().map(|row| (row.section, row.name.clone())).collect::<Vec<_>>();
     assert_eq!(names(&rows), names(&table));
-    for ((section, name, now), (_, _, then)) in rows.iter().zip(&table) {
-        assert_eq!(now.len(), then.len());
-        for ((now, then), column) in now.iter().zip(then).zip(SECTIONS[*section].1) {
+    for (Row { section, name, values }, then) in rows.iter().zip(&table) {
+        let Section { title, columns } = SECTIONS[*section];
+        assert_eq!(values.len(), then.values.len(), "{title}: {name}");
+        for ((now, then), column) in values.iter().zip(&then.values).zip(columns) {
             let same = match (now, then) {
                 (Some(now), Some(then)) => (1.0 / TOLERANCE..TOLERANCE).contains(&(now / then)),
                 (None, None) => true,
                 _ => false,
             };
-            let title = SECTIONS[*section].0;
             assert!(same, "{title}: {name}, {column}: now {now:?}, in the table {then:?}");
         }
     }

@@ -119,11 +119,22 @@ fn value(data: &[u8], signal: &Signal) -> f64 {
     }
 }
 
-/// Expected content of a frame: the name, and each signal with its unit and value.
-type Expected = (Message, &'static str, Vec<(String, &'static str, f64)>);
+/// A signal as the DBC must describe it, and its value.
+struct ExpectedSignal {
+    name: String,
+    unit: &'static str,
+    value: f64,
+}
 
-fn named(values: &[(&str, &'static str, f64)]) -> Vec<(String, &'static str, f64)> {
-    values.iter().map(|(name, unit, value)| ((*name).to_owned(), *unit, *value)).collect()
+/// Expected content of a frame.
+struct Expected {
+    message: Message,
+    name: &'static str,
+    signals: Vec<ExpectedSignal>,
+}
+
+fn decoded(name: impl Into<String>, unit: &'static str, value: f64) -> ExpectedSignal {
+    ExpectedSignal { name: name.into(), unit, value }
 }
 
 /// Returns the DBC name of a flag: `SLEW_LIMITED` becomes `SlewLimited`.
@@ -132,73 +143,86 @@ fn dbc_name(flag: &str) -> String {
     flag.split('_').map(word).collect()
 }
 
+fn expected_status(flags: Flags) -> Expected {
+    let bit = |flag: Flags| f64::from(u8::from(flags.contains(flag)));
+    let names = Flags::all().iter_names();
+    let mut signals: Vec<_> =
+        names.map(|(name, flag)| decoded(dbc_name(name), "", bit(flag))).collect();
+    signals.push(decoded("Sequence", "", 70_001.0));
+    let frame = StatusFrame { flags, sequence: 70_001 };
+    Expected { message: Message::Status(NodeId::FIRST, frame), name: "Status", signals }
+}
+
+fn expected_entry(entry: TraceEntry, sub_index: f64, name: &str, value: f64) -> Expected {
+    let signals = vec![
+        decoded("Command", "", 35.0),
+        decoded("Index", "", 8192.0),
+        decoded("SubIndex", "", sub_index),
+        decoded(name, "", value),
+    ];
+    Expected { message: Message::Entry(NodeId::FIRST, entry), name: "Entry", signals }
+}
+
 fn expected() -> Vec<Expected> {
     let node = NodeId::FIRST;
-    let status = |flags: Flags| {
-        let mut values: Vec<_> = Flags::all()
-            .iter_names()
-            .map(|(name, flag)| (dbc_name(name), "", f64::from(u8::from(flags.contains(flag)))))
-            .collect();
-        values.push(("Sequence".to_owned(), "", 70_001.0));
-        (Message::Status(node, StatusFrame { flags, sequence: 70_001 }), "Status", values)
-    };
-    let entry = |entry: TraceEntry, sub_index: f64, name, value| {
-        let head = [("Command", "", 35.0), ("Index", "", 8192.0), ("SubIndex", "", sub_index)];
-        (Message::Entry(node, entry), "Entry", named(&[&head[..], &[(name, "", value)]].concat()))
-    };
+    let frame = |message, name, signals| Expected { message, name, signals };
+    let motion = MotionFrame { velocity_rad_s: -1.5, position_rad: 40.25 };
+    let torque = TorqueFrame { torque_nm: 3.5, load_torque_nm: -26.0 };
+    let seal = SealFrame { radial_force_n: 75.5, pressure_diff_pa: 250_000.0 };
+    let surroundings = SurroundingsFrame { temperature_c: 11.5, auxiliary: -0.125 };
+    let answer = AnswerFrame { friction_torque_nm: 2.75, feed_forward_current_a: -1.25 };
+    let telemetry = TelemetryFrame { current_a: 4.5, residual_torque_nm: -0.375 };
     let mut all = vec![
-        (Message::Sync(SyncFrame { counter: 239 }), "Sync", named(&[("Counter", "", 239.0)])),
-        (
-            Message::Motion(node, MotionFrame { velocity_rad_s: -1.5, position_rad: 40.25 }),
+        frame(
+            Message::Sync(SyncFrame { counter: 239 }),
+            "Sync",
+            vec![decoded("Counter", "", 239.0)],
+        ),
+        frame(
+            Message::Motion(node, motion),
             "Motion",
-            named(&[("Velocity", "rad/s", -1.5), ("Position", "rad", 40.25)]),
+            vec![decoded("Velocity", "rad/s", -1.5), decoded("Position", "rad", 40.25)],
         ),
-        (
-            Message::Torque(node, TorqueFrame { torque_nm: 3.5, load_torque_nm: -26.0 }),
+        frame(
+            Message::Torque(node, torque),
             "Torque",
-            named(&[("MeasuredTorque", "Nm", 3.5), ("LoadTorque", "Nm", -26.0)]),
+            vec![decoded("MeasuredTorque", "Nm", 3.5), decoded("LoadTorque", "Nm", -26.0)],
         ),
-        (
-            Message::Seal(node, SealFrame { radial_force_n: 75.5, pressure_diff_pa: 250_000.0 }),
+        frame(
+            Message::Seal(node, seal),
             "Seal",
-            named(&[("RadialForce", "N", 75.5), ("PressureDiff", "Pa", 250_000.0)]),
+            vec![decoded("RadialForce", "N", 75.5), decoded("PressureDiff", "Pa", 250_000.0)],
         ),
-        (
-            Message::Surroundings(
-                node,
-                SurroundingsFrame { temperature_c: 11.5, auxiliary: -0.125 },
-            ),
+        frame(
+            Message::Surroundings(node, surroundings),
             "Surroundings",
-            named(&[("Temperature", "degC", 11.5), ("Auxiliary", "", -0.125)]),
+            vec![decoded("Temperature", "degC", 11.5), decoded("Auxiliary", "", -0.125)],
         ),
-        (
-            Message::Answer(
-                node,
-                AnswerFrame { friction_torque_nm: 2.75, feed_forward_current_a: -1.25 },
-            ),
+        frame(
+            Message::Answer(node, answer),
             "Answer",
-            named(&[("FrictionTorque", "Nm", 2.75), ("FeedForwardCurrent", "A", -1.25)]),
+            vec![decoded("FrictionTorque", "Nm", 2.75), decoded("FeedForwardCurrent", "A", -1.25)],
         ),
-        (
-            Message::Telemetry(node, TelemetryFrame { current_a: 4.5, residual_torque_nm: -0.375 }),
+        frame(
+            Message::Telemetry(node, telemetry),
             "Telemetry",
-            named(&[("Current", "A", 4.5), ("ResidualTorque", "Nm", -0.375)]),
+            vec![decoded("Current", "A", 4.5), decoded("ResidualTorque", "Nm", -0.375)],
         ),
-        (
+        frame(
             Message::Command(node, CommandFrame::new(-2.5, -0.625, 200)),
             "Command",
-            named(&[
-                ("CurrentCommand", "A", -2.5),
-                ("VelocityReference", "rad/s", -0.625),
-                ("CommandCounter", "", 200.0),
-            ]),
+            vec![
+                decoded("CurrentCommand", "A", -2.5),
+                decoded("VelocityReference", "rad/s", -0.625),
+                decoded("CommandCounter", "", 200.0),
+            ],
         ),
-        entry(TraceEntry::Run(12), 1.0, "Run", 12.0),
-        entry(TraceEntry::Sequence(240), 2.0, "NextSequence", 240.0),
-        entry(TraceEntry::JointKind(JointKind::Prismatic), 3.0, "JointKind", 1.0),
     ];
-    all.push(status(Flags::empty()));
-    all.extend(Flags::all().iter().map(status));
+    all.push(expected_entry(TraceEntry::Run(12), 1.0, "Run", 12.0));
+    all.push(expected_entry(TraceEntry::Sequence(240), 2.0, "NextSequence", 240.0));
+    all.push(expected_entry(TraceEntry::JointKind(JointKind::Prismatic), 3.0, "JointKind", 1.0));
+    all.push(expected_status(Flags::empty()));
+    all.extend(Flags::all().iter().map(expected_status));
     all
 }
 
@@ -206,22 +230,21 @@ fn expected() -> Vec<Expected> {
 fn every_frame_decoded_with_dbc_gives_encoded_values() {
     let frames = read(DBC);
     let mut used: BTreeSet<(u16, String)> = BTreeSet::new();
-    for (message, name, values) in expected() {
+    for Expected { message, name, signals } in expected() {
         let frame = message.emit();
         let identifier = frame.identifier();
         let info = frames.get(&identifier).unwrap_or_else(|| panic!("{name} is not in the DBC"));
         assert_eq!(info.name, name);
         assert_eq!(info.length, frame.data().len(), "{name}");
         let multiplexor = info.signals.get("SubIndex").map(|of| bits(frame.data(), of));
-        for (signal_name, unit, expected) in values {
-            let signal = info
-                .signals
-                .get(&signal_name)
-                .unwrap_or_else(|| panic!("{name}.{signal_name} is not in the DBC"));
+        for expected in signals {
+            let place = format!("{name}.{}", expected.name);
+            let signal = info.signals.get(&expected.name);
+            let signal = signal.unwrap_or_else(|| panic!("{place} is not in the DBC"));
             assert!(signal.multiplexed.is_none() || signal.multiplexed == multiplexor);
-            assert_eq!(signal.unit, unit, "{name}.{signal_name}");
-            assert_eq!(value(frame.data(), signal), expected, "{name}.{signal_name}");
-            used.insert((identifier, signal_name));
+            assert_eq!(signal.unit, expected.unit, "{place}");
+            assert_eq!(value(frame.data(), signal), expected.value, "{place}");
+            used.insert((identifier, expected.name));
         }
     }
     // A master maps this frame, and the reader of logs alone evaluates it.

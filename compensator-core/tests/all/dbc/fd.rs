@@ -22,52 +22,71 @@ const PARTS: [u16; 5] = [385, 641, IDENTIFIER, 1153, 1665];
 const FIRST_BIT: u32 = 64;
 const PART_BITS: u32 = 64;
 
-/// Signals that are not in `joint.dbc`: bits, scale, range, unit; and comment.
-const FD_SIGNALS: [(&str, &str, &str); 12] = [
-    ("Format", r#"0|8@1+ (1,0) [1|1] """#, "Number of this layout."),
-    (
+/// A signal that is not in `joint.dbc`.
+#[derive(Clone, Copy)]
+struct FdSignal {
+    name: &'static str,
+    /// Bits, scale, range and unit, as the DBC states them.
+    layout: &'static str,
+    comment: &'static str,
+}
+
+const fn fd_signal(name: &'static str, layout: &'static str, comment: &'static str) -> FdSignal {
+    FdSignal { name, layout, comment }
+}
+
+/// Signals before the parts, and behind them.
+const FIRST_SIGNALS: [FdSignal; 9] = [
+    fd_signal("Format", r#"0|8@1+ (1,0) [1|1] """#, "Number of this layout."),
+    fd_signal(
         "HasAnswer",
         r#"8|1@1+ (1,0) [0|1] """#,
         "The frame has the data of Answer; otherwise they are 0.",
     ),
-    (
+    fd_signal(
         "HasStatus",
         r#"9|1@1+ (1,0) [0|1] """#,
         "The frame has the data of Status; otherwise they are 0.",
     ),
-    (
+    fd_signal(
         "HasTelemetry",
         r#"10|1@1+ (1,0) [0|1] """#,
         "The frame has the data of Telemetry; otherwise they are 0.",
     ),
-    (
+    fd_signal(
         "HasMotion",
         r#"11|1@1+ (1,0) [0|1] """#,
         "The frame has the data of Motion; otherwise they are 0.",
     ),
-    (
+    fd_signal(
         "HasTorque",
         r#"12|1@1+ (1,0) [0|1] """#,
         "The frame has the data of Torque; otherwise they are 0.",
     ),
-    (
+    fd_signal(
         "HasDrive",
         r#"13|1@1+ (1,0) [0|1] """#,
         "The frame has the data of the sixth transmit PDO; otherwise they are 0.",
     ),
-    ("SyncCounter", r#"16|8@1+ (1,0) [1|240] """#, "Counter of the SYNC that the frame answers."),
-    (
+    fd_signal(
+        "SyncCounter",
+        r#"16|8@1+ (1,0) [1|240] """#,
+        "Counter of the SYNC that the frame answers.",
+    ),
+    fd_signal(
         "SyncTime",
         r#"32|32@1+ (1,0) [0|4294967295] "us""#,
         "Time of the SYNC on the clock of the joint, modulo 2^32.",
     ),
-    ("Statusword", r#"384|16@1+ (1,0) [0|65535] """#, "Object 6041h."),
-    (
+];
+const LAST_SIGNALS: [FdSignal; 3] = [
+    fd_signal("Statusword", r#"384|16@1+ (1,0) [0|65535] """#, "Object 6041h."),
+    fd_signal(
         "ActualTorque",
         r#"400|16@1- (1,0) [-32768|32767] "permille""#,
         "Object 6077h, of the rated torque (6076h).",
     ),
-    (
+    fd_signal(
         "ActualPosition",
         r#"416|32@1- (0.000001,0) [-2147.483648|2147.483647] "rad""#,
         "Object 6064h.",
@@ -101,13 +120,12 @@ fn lines_of_parts(keyword: &'static str) -> impl Iterator<Item = String> {
 /// Returns the message with its signals.
 fn message() -> String {
     let mut text = format!("BO_ {IDENTIFIER} FdTelemetry: {LENGTH} Joint\n");
-    let (begin, end) = FD_SIGNALS.split_at(9);
-    let write_signals = |signals: &[(&str, &str, &str)], text: &mut String| {
-        for (name, layout, _) in signals {
+    let write_signals = |signals: &[FdSignal], text: &mut String| {
+        for FdSignal { name, layout, .. } in signals {
             let _ = writeln!(text, " SG_ {name} : {layout} Host");
         }
     };
-    write_signals(begin, &mut text);
+    write_signals(&FIRST_SIGNALS, &mut text);
     for (place, part) in (0..).zip(PARTS) {
         let head = format!("BO_ {part} ");
         let lines = DBC.lines().skip_while(|line| !line.starts_with(&head)).skip(1);
@@ -118,7 +136,7 @@ fn message() -> String {
             let _ = writeln!(text, "{name} : {start}|{layout}");
         }
     }
-    write_signals(end, &mut text);
+    write_signals(&LAST_SIGNALS, &mut text);
     text
 }
 
@@ -172,15 +190,18 @@ fn fd_dbc() -> String {
 
 fn comments() -> Vec<String> {
     let mut lines = vec![format!("CM_ BO_ {IDENTIFIER} \"{COMMENT}\";\n")];
-    let comment_line = |(name, _, comment)| format!("CM_ SG_ {IDENTIFIER} {name} \"{comment}\";\n");
-    lines.extend(FD_SIGNALS.map(comment_line));
+    let comment_line = |FdSignal { name, comment, .. }: FdSignal| {
+        format!("CM_ SG_ {IDENTIFIER} {name} \"{comment}\";\n")
+    };
+    lines.extend(FIRST_SIGNALS.into_iter().chain(LAST_SIGNALS).map(comment_line));
     lines.extend(lines_of_parts("CM_ SG_"));
     lines
 }
 
 fn tables() -> Vec<String> {
-    let flags = FD_SIGNALS.iter().filter(|(name, ..)| name.starts_with("Has"));
-    let values = flags.map(|(name, ..)| format!("VAL_ {IDENTIFIER} {name} 0 \"no\" 1 \"yes\" ;\n"));
+    let flags =
+        FIRST_SIGNALS.iter().map(|signal| signal.name).filter(|name| name.starts_with("Has"));
+    let values = flags.map(|name| format!("VAL_ {IDENTIFIER} {name} 0 \"no\" 1 \"yes\" ;\n"));
     values.chain(lines_of_parts("VAL_")).collect()
 }
 
@@ -228,7 +249,7 @@ fn fd_frame_decoded_with_dbc_gives_encoded_values() {
         check(&frame, name, expected);
     }
     let has = ["HasAnswer", "HasStatus", "HasTelemetry", "HasMotion", "HasTorque"];
-    for (message, _, values) in all_of_parts() {
+    for Expected { message, signals, .. } in all_of_parts() {
         let classic = message.emit();
         let place = PARTS.iter().position(|part| *part == classic.identifier()).unwrap();
         let mut frame = FdTelemetry::new(NodeId::FIRST, 1, 0);
@@ -237,11 +258,11 @@ fn fd_frame_decoded_with_dbc_gives_encoded_values() {
             check(&frame, name, f64::from(u8::from(other == place)));
         }
         assert!(frame.frames().eq([classic]));
-        values.iter().for_each(|(name, _, expected)| check(&frame, name, *expected));
+        signals.iter().for_each(|expected| check(&frame, &expected.name, expected.value));
     }
     assert_eq!(used.len(), signals.len(), "a signal of the DBC is not used by the code");
 }
 
 fn all_of_parts() -> impl Iterator<Item = Expected> {
-    expected().into_iter().filter(|(message, ..)| PARTS.contains(&message.emit().identifier()))
+    expected().into_iter().filter(|frame| PARTS.contains(&frame.message.emit().identifier()))
 }
