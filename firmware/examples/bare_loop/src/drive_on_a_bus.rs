@@ -5,7 +5,7 @@
 //! No measurement enters, so the feed-forward cannot oscillate with the joint. The compensator limits torque and slew rate.
 
 use crate::friction;
-use compensator_core::{Compensator, Inputs, ParameterError, Quantity};
+use compensator_core::{Compensator, Inputs, ParameterError, Quantity, Reading};
 
 /// Period of the set-points, s: one for each SYNC.
 const PERIOD_S: f32 = 1e-3;
@@ -28,12 +28,12 @@ impl FeedForward {
         Ok(Self { compensator, nm_per_permille: rated_torque_nm / 1000.0 })
     }
 
-    /// Returns the data of the receive PDO for a set-point: its velocity, rad/s, and the last pressure with its age, Pa and s.
-    pub fn step(&mut self, velocity_rad_s: f32, pressure: (f32, f32)) -> [u8; 2] {
+    /// Returns the data of the receive PDO for a set-point: its velocity, rad/s, and the last pressure, Pa.
+    pub fn step(&mut self, velocity_rad_s: f32, pressure_pa: Reading<f32>) -> [u8; 2] {
         let inputs = Inputs::velocity(velocity_rad_s).with_reference(velocity_rad_s).with(
             Quantity::Pressure,
-            pressure.0,
-            pressure.1,
+            pressure_pa.value,
+            pressure_pa.age_s,
         );
         let torque_nm = self.compensator.step(&inputs).compensation_torque_nm;
         // The cast saturates.
@@ -49,7 +49,7 @@ mod tests {
     fn step_returns_the_friction_of_the_set_point_in_thousandths() {
         let mut drive = FeedForward::build(20.0).unwrap();
         let settled = |drive: &mut FeedForward, velocity: f32| {
-            let data = (0..2000).map(|_| drive.step(velocity, (1e5, 0.0))).last().unwrap();
+            let data = (0..2000).map(|_| drive.step(velocity, Reading::fresh(1e5))).last().unwrap();
             i16::from_le_bytes(data)
         };
         // 80 % of Coulomb, pressure and viscous torque.

@@ -21,10 +21,11 @@ mod friction;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
+    use compensator_core::Reading;
     println!("largest current {:?}", current_loop::largest_current_a());
     match drive_on_a_bus::FeedForward::build(20.0) {
         Ok(mut drive) => {
-            let after_1_s = (0..1000).map(|_| drive.step(1.0, (1e5, 0.0))).last();
+            let after_1_s = (0..1000).map(|_| drive.step(1.0, Reading::fresh(1e5))).last();
             println!("data of 60B2h at 1 rad/s and 1 bar {after_1_s:02x?}");
         }
         Err(refusal) => println!("the model is refused: {refusal}"),
