@@ -19,6 +19,9 @@ impl Gear {
     }
 
     /// Returns the torque at a twist (rad) that changes at a rate (rad/s), Nm. It is 0 within the play.
+    ///
+    /// A real flank only pushes. Here one that leaves fast also pulls by its damping, for about `damping / stiffness` at most:
+    /// less than a millisecond.
     pub fn torque_nm(&self, twist_rad: f64, rate_rad_s: f64) -> f64 {
         match self.strain_rad(twist_rad) {
             0.0 => 0.0,
