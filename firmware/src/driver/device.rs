@@ -21,7 +21,6 @@ mod terms;
 mod touch_probe;
 mod trend;
 mod turn_readings;
-pub(crate) mod values;
 
 use super::counters::Counters;
 use super::loop_data::{LoopCommands, LoopOutput, LoopReport};

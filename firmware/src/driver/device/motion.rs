@@ -44,7 +44,7 @@ impl<F: NorFlash> Device<F> {
             self.base.supervisor.record_command(self.base.now_us);
             if self.base.settings.source == InputSource::Bus {
                 let current_a = self.motion.torque_mode_current_a(&self.base);
-                self.samples.set_hil_command(current_a);
+                self.samples.hil.set_command(current_a);
             }
         }
         if let Some(code) = orders.trips {
