@@ -19,6 +19,7 @@ pub(crate) mod objects;
 pub(crate) mod seal_sensors;
 
 pub use base::JointBase;
+pub(crate) use base::larger_than_stored;
 pub use board::{BoardOutput, BoardState, Boot, Equipment, Identity};
 
 use crate::driver::{LoopOutput, LoopReport};

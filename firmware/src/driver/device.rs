@@ -126,7 +126,7 @@ impl<F: NorFlash> Device<F> {
     fn observation(&self, heartbeat_lost: bool) -> Observation {
         let mut observation = self.base.observation(heartbeat_lost);
         // A joint in HIL has no bridge to supervise.
-        if self.base.settings.source == InputSource::Sensors {
+        if !self.base.settings.is_in_hil() {
             self.base.observe_report(&mut observation);
             observation.position_missing = self.motion.is_position_missing(&self.base);
             observation.following_error =
@@ -175,7 +175,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Evaluates a report for over-compensation.
     fn step_over_compensation(&mut self) {
-        let is_compensated = self.base.settings.source == InputSource::Sensors
+        let is_compensated = !self.base.settings.is_in_hil()
             && self.base.supervisor.is_compensation_allowed()
             && !self.motion.is_commissioning();
         let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
@@ -189,7 +189,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns the commands for the current loop.
     pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
-        let drives = self.base.settings.source == InputSource::Sensors;
+        let drives = !self.base.settings.is_in_hil();
         let commands = self.base.loop_commands(now_us);
         let shorts = commands.brake
             || self.motion.stopping.shorts_low_sides() && self.base.supervisor.is_braking_allowed();
@@ -326,7 +326,7 @@ impl<F: NorFlash> Joint for Device<F> {
         self.step_touch_probes();
         self.step_joint_encoder();
         self.base.supervisor.record_overruns(report.overruns_in_a_row);
-        if self.base.settings.source == InputSource::Sensors
+        if !self.base.settings.is_in_hil()
             && let Some(watch) = &mut self.base.watch
         {
             let valid = report.residual_torque_nm.is_finite() && !is_testing;

@@ -20,12 +20,12 @@ mod velocity;
 use super::commissioning::AbortReason;
 use super::profile::Profile;
 use crate::joint_node::JointBase;
+use crate::joint_node::objects::ARMED;
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use brake_test::BrakeTest;
 use commissioning::Run;
 use compensator_core::parameters::reason::Reason;
-use compensator_core::text;
 pub(super) use drive::Target;
 use drive::Targets;
 use offsets::Offsets;
@@ -49,8 +49,7 @@ impl Refused {
 
     /// The bridge is in use.
     pub(super) fn armed() -> Self {
-        let why = text!("the joint is armed, and nothing is written then: disarm first");
-        Self::new(Abort::State, why)
+        Self::new(Abort::State, ARMED)
     }
 }
 

@@ -72,10 +72,7 @@ impl<F: NorFlash> Objects for Device<F> {
             _ => return Ok(None),
         }
         match self.scope.readable_bytes() {
-            0 => Err(self
-                .base
-                .staging
-                .refuse(Abort::Refused, text!("the scope has no complete capture"))),
+            0 => Err(self.base.refuse(Abort::Refused, text!("the scope has no complete capture"))),
             length => Ok(Some(length)),
         }
     }

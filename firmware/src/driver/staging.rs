@@ -330,13 +330,6 @@ impl Staging {
         Err(self.refuse(Abort::Value, why))
     }
 
-    /// Refuses a request to the state machine that does not exist.
-    pub fn refuse_request(&mut self, request: u8) -> Abort {
-        let why =
-            refusal!("request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)", request);
-        self.refuse(Abort::Value, why)
-    }
-
     /// Makes the staged set the active one.
     pub fn activate(&mut self) {
         self.active.copy_from(&self.staged);

@@ -11,7 +11,7 @@ use super::seal_sensors::SealSensors;
 use super::{BoardState, Boot, Identity};
 use crate::control::PERIOD_S;
 use crate::driver::counters::{Counters, count};
-use crate::driver::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
+use crate::driver::loop_data::{LoopCommands, LoopReport};
 use crate::driver::motor_watch::{MotorState, MotorWatch};
 use crate::driver::received::{CommandSequence, ReceivedInputs};
 use crate::driver::staging::Staging;
@@ -28,6 +28,7 @@ use crate::supervisor::{
 };
 use crate::watch::{ResidualWatch, WatchParameters};
 use compensator_core::can::{Frame, Message, NodeId};
+use compensator_core::parameters::Text;
 use compensator_core::refusal;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -39,6 +40,25 @@ pub(crate) struct LoadedBlock {
     pub settings: Option<NodeSettings>,
     /// Sequence number of the block.
     pub sequence: u32,
+}
+
+/// Returns the first quantity with which a set may compensate more friction than the set in the flash, or than the defaults if
+/// none is stored or readable.
+// Not inlined: the stack of the stored set is free again afterwards.
+#[inline(never)]
+pub(crate) fn larger_than_stored<F: NorFlash>(
+    store: &mut Store<F>,
+    set: &ParameterSet,
+) -> Option<Text> {
+    let mut stored = ParameterSet::default();
+    let mut block = [0; MAX_BLOCK_BYTES];
+    let loaded = store.load(&mut block).ok();
+    let parameters =
+        loaded.and_then(|loaded| Some(split_block(block.get(..loaded.length)?).ok()?.1));
+    if parameters.is_none_or(|bytes| stored.read(bytes).is_err()) {
+        stored = ParameterSet::default();
+    }
+    set.larger_quantity(&stored)
 }
 
 /// The watch of the motor with its last result, and the wiring that was measured.
@@ -198,14 +218,14 @@ impl JointBase {
         {
             Ok(parts) => parts,
             Err(error) => {
-                self.staging.refuse(Abort::Value, error);
+                self.refuse(Abort::Value, error);
                 return unknown(ParameterSource::DefaultRefused);
             }
         };
         let parameters = match self.staging.load(parameters) {
             Ok(()) => ParameterSource::Set,
             Err(error) => {
-                self.staging.refuse(Abort::Value, error);
+                self.refuse(Abort::Value, error);
                 ParameterSource::DefaultRefused
             }
         };
@@ -236,10 +256,7 @@ impl JointBase {
     /// Builds the watch of the active set with these settings; `None` if it cannot be built. If the samples are farther apart
     /// than `independent_s`, they are independent too.
     pub(crate) fn watch_of(&self, settings: &NodeSettings) -> Option<ResidualWatch> {
-        let period_s = match settings.source {
-            InputSource::Sensors => REPORT_PERIOD_S,
-            InputSource::Bus => settings.period_s,
-        };
+        let period_s = settings.sample_period_s();
         let written = self.staging.active().watch;
         let independent_s = written.independent_s.max(period_s);
         WatchParameters { independent_s, ..written }.build(period_s).ok()
@@ -361,23 +378,45 @@ impl JointBase {
     /// Arms the joint on its own sensors.
     pub(crate) fn arm(&mut self) -> Result<(), Abort> {
         self.check_start()?;
-        self.supervisor.arm(self.now_us).map_err(|refusal| {
-            self.blocking = refusal.causes.fault_bits();
-            self.staging.refuse(Abort::State, refusal)
+        self.supervisor.arm(self.now_us).map_err(|refusal| self.refuse_arming(refusal))
+    }
+
+    /// Refuses a request to the state machine that does not exist.
+    pub(crate) fn refuse_request(&mut self, request: u8) -> Abort {
+        let why =
+            refusal!("request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)", request);
+        self.refuse(Abort::Value, why)
+    }
+
+    /// Clears the faults whose causes have ended.
+    pub(crate) fn clear_faults(&mut self) -> Result<(), Abort> {
+        self.supervisor.clear_faults().map_err(|left| {
+            if !left.contains(Code::GateDriverFault) {
+                return self.refuse_blocked(left);
+            }
+            // The gate driver may latch its fault until it has slept, and the bridge is off. The next request succeeds.
+            self.current_loop.reset_gate_driver();
+            self.blocking = left.fault_bits();
+            let why = refusal!(
+                "still present:{faults}{limits} (its driver was reset: ask again)",
+                left.fault_bits(),
+                left.limit_bits()
+            );
+            self.refuse(Abort::State, why)
         })
     }
 
     /// Checks that the board can drive with the set in use, which needs no restart.
     pub(crate) fn check_start(&mut self) -> Result<(), Abort> {
         let checked = self.start.check(self.staging.active());
-        checked.map_err(|why| self.staging.refuse(Abort::State, why))
+        checked.map_err(|why| self.refuse(Abort::State, why))
     }
 
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
     pub(crate) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
         if !position_rad.is_finite() {
             let why = refusal!("set_position_rad = {f32}: must be a finite number", position_rad);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.refuse(Abort::Value, why));
         }
         self.current_loop.set_home(position_rad);
         Ok(())
@@ -389,7 +428,7 @@ impl JointBase {
         let set = self.staging.staged();
         let built = LoopParts::build(set, self.identity.stage, PERIOD_S).map(drop);
         let accepted = built.and_then(|()| self.supervisor.configure(&set.thresholds));
-        accepted.map_err(|error| self.staging.refuse(Abort::Value, error))
+        accepted.map_err(|error| self.refuse(Abort::Value, error))
     }
 
     /// Makes the staged set the active one, once it is accepted.

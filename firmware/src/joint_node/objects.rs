@@ -11,6 +11,7 @@ use crate::node::sdo::{Abort, ValueBuffer};
 use crate::node_settings::NodeSettings;
 use crate::refusal;
 use crate::setting_error::SettingError;
+use crate::supervisor::{ArmRefusal, CodeSet};
 use crate::watch::ResidualWatch;
 use canopen_rs::Address;
 use compensator_core::can::{
@@ -18,8 +19,13 @@ use compensator_core::can::{
 };
 use compensator_core::network::record as network_record;
 use compensator_core::parameters::Text;
+use compensator_core::parameters::reason::Reason;
 use compensator_core::record;
 use compensator_core::text;
+
+/// Reason against a write while the bridge is in use.
+pub(crate) const ARMED: Text =
+    text!("the joint is armed, and nothing is written then: disarm first");
 
 impl JointBase {
     /// Checks that an entry may be written now: while the bridge is in use, few may.
@@ -30,17 +36,34 @@ impl JointBase {
         Ok(())
     }
 
+    /// Keeps the reason of a refusal (2028h), and returns its abort code.
+    pub(crate) fn refuse(&mut self, abort: Abort, why: impl Into<Reason>) -> Abort {
+        self.staging.refuse(abort, why)
+    }
+
     /// Refuses a write because the bridge is in use.
     #[inline(never)]
     pub(crate) fn refuse_armed(&mut self) -> Abort {
-        let why = text!("the joint is armed, and nothing is written then: disarm first");
-        self.staging.refuse(Abort::State, why)
+        self.refuse(Abort::State, ARMED)
+    }
+
+    /// Refuses a request because of these faults and limits, and keeps them as those that block it (2002h:5).
+    #[inline(never)]
+    pub(crate) fn refuse_blocked(&mut self, codes: CodeSet) -> Abort {
+        self.blocking = codes.fault_bits();
+        self.refuse(Abort::State, self.supervisor.remaining(codes))
+    }
+
+    /// Refuses to arm, and keeps the codes that block it.
+    pub(crate) fn refuse_arming(&mut self, refusal: ArmRefusal) -> Abort {
+        self.blocking = refusal.causes.fault_bits();
+        self.refuse(Abort::State, refusal)
     }
 
     /// Refuses a setting that is out of range.
     #[inline(never)]
     pub(crate) fn refuse_setting(&mut self, name: Text, legal: Text) -> Abort {
-        self.staging.refuse(Abort::Value, SettingError { name, legal })
+        self.refuse(Abort::Value, SettingError { name, legal })
     }
 
     /// Reads a value that every joint has and that is no number, or the number of values of an object; `None` for any other.
@@ -101,7 +124,7 @@ impl JointBase {
             (index::RESTORE, _) if number == LOAD_SIGNATURE => return None,
             (index::STORE | index::RESTORE, _) => {
                 let why = text!("save and load need their own word (65766173h, 64616F6Ch)");
-                return Some(Err(self.staging.refuse(Abort::Refused, why)));
+                return Some(Err(self.refuse(Abort::Refused, why)));
             }
             // Nothing else depends on the heartbeat, so that an armed joint may have another one.
             (index::HEARTBEAT, _) => self.settings.heartbeat_ms = number as u16,
@@ -166,7 +189,7 @@ impl JointBase {
 
     /// Checks settings that were changed.
     pub(crate) fn check_settings(&mut self, changed: &NodeSettings) -> Result<(), Abort> {
-        changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))
+        changed.validate().map_err(|error| self.refuse(Abort::Value, error))
     }
 
     /// Returns the counters of the bus side (2003h).

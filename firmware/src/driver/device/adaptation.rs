@@ -5,8 +5,7 @@
 //! becomes active starts at its own values again: what was learnt belongs to the set that it was learnt with. While a set is
 //! on trial, nothing is learnt, because a trial compares sets.
 
-use super::{Device, InputSource};
-use crate::driver::loop_data::REPORT_PERIOD_S;
+use super::{Device, JointBase};
 use crate::level_learner::{LearningSample, OFF, ON, ON_IN_EVERY_MODE};
 use crate::node::dictionary::records::AdaptationObject;
 use crate::node::sdo::Abort;
@@ -21,7 +20,7 @@ const DISCARD: u8 = 2;
 impl<F: NorFlash> Device<F> {
     /// Learns from a report of a joint on its sensors.
     pub(super) fn step_adaptation(&mut self) {
-        if self.base.settings.source == InputSource::Bus {
+        if self.base.settings.is_in_hil() {
             return;
         }
         let is_driven =
@@ -50,11 +49,8 @@ impl<F: NorFlash> Device<F> {
     /// Starts the adaptation at the active set.
     #[inline(never)]
     pub(super) fn restart_adaptation(&mut self) {
-        let sample_s = match self.base.settings.source {
-            InputSource::Sensors => REPORT_PERIOD_S,
-            InputSource::Bus => self.base.settings.period_s,
-        };
-        self.adaptation.restart(self.base.staging.active(), &self.base.settings.drive, sample_s);
+        let JointBase { staging, settings, .. } = &self.base;
+        self.adaptation.restart(staging.active(), &settings.drive, settings.sample_period_s());
     }
 
     /// Returns the present values.
@@ -86,6 +82,8 @@ impl<F: NorFlash> Device<F> {
         let (number, gains) = self.adaptation.gains();
         let is_bounded = self.motion.mover(&self.base).is_torque()
             && self.base.settings.drive.adapt != ON_IN_EVERY_MODE;
+        // The bounded gains have odd numbers.
+        let number = self.adaptation.number().wrapping_mul(2).wrapping_add(is_bounded.into());
         if !is_bounded {
             return (number.wrapping_mul(2), gains);
         }
@@ -131,7 +129,7 @@ impl<F: NorFlash> Device<F> {
             }
             order => {
                 let why = refusal!("order = {u32}: must be 1 (adopt) or 2 (discard)", order);
-                Err(self.base.staging.refuse(Abort::Value, why))
+                Err(self.base.refuse(Abort::Value, why))
             }
         }
     }
@@ -141,7 +139,7 @@ impl<F: NorFlash> Device<F> {
         self.refuse_in_trial()?;
         let Some(learner) = self.adaptation.learner() else {
             let why = text!("nothing is learnt: the adaptation is off (2044h:1)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         };
         let learnt = learner.learnt_parameters();
         self.base.staging.discard();

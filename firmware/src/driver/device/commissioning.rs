@@ -9,7 +9,6 @@ use crate::driver::commissioning::CommissioningBounds;
 use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun};
 use crate::node::dictionary::records::CommissioningRunObject;
 use crate::node::sdo::Abort;
-use crate::node_settings::InputSource;
 use crate::sensors::encoder::EncoderKind;
 use compensator_core::refusal;
 use compensator_core::text;
@@ -43,7 +42,7 @@ impl<F: NorFlash> Device<F> {
         let number = f32::from_bits(word);
         if !(number >= least && number <= most) {
             let why = refusal!("{name} = {f32}: must be {f32} to {f32}", name, number, least, most);
-            return Err(self.base.staging.refuse(Abort::Value, why));
+            return Err(self.base.refuse(Abort::Value, why));
         }
         let run = &mut self.motion.commissioning;
         *match place {
@@ -68,7 +67,7 @@ impl<F: NorFlash> Device<F> {
                     "order = {u32}: must be 0 (stop), 1 (measure the motor), 2 (continue) or 3 (friction run)",
                     order
                 );
-                return Err(self.base.staging.refuse(Abort::Value, why));
+                return Err(self.base.refuse(Abort::Value, why));
             }
         }
         Ok(())
@@ -82,16 +81,16 @@ impl<F: NorFlash> Device<F> {
     /// Checks the conditions of a run that controls the bridge.
     pub(super) fn may_begin(&mut self) -> Result<(), Abort> {
         self.finish_trial();
-        if self.base.settings.source == InputSource::Bus {
+        if self.base.settings.is_in_hil() {
             let why = text!("a joint in HIL drives no motor that could be measured (2001h:1)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         if self.is_armed() {
             let why = text!("the joint is armed: disarm first");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         if let Some(why) = self.update_blocks_arming() {
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         self.confirm_master();
         Ok(())
@@ -116,10 +115,8 @@ impl<F: NorFlash> Device<F> {
     fn begin_commissioning(&mut self) -> Result<(), Abort> {
         self.may_begin()?;
         self.base.check_start()?;
-        self.base.supervisor.arm_to_commission(self.base.now_us).map_err(|refusal| {
-            self.base.blocking = refusal.causes.fault_bits();
-            self.base.staging.refuse(Abort::State, refusal)
-        })?;
+        let armed = self.base.supervisor.arm_to_commission(self.base.now_us);
+        armed.map_err(|refusal| self.base.refuse_arming(refusal))?;
         let bounds = CommissioningBounds {
             current_a: self.motion.commissioning_current_a(&self.base),
             travel_rad: self.motion.commissioning.travel_rad,

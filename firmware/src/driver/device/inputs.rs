@@ -62,9 +62,7 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn take(&mut self, message: &Message, frame: &Frame, node: NodeId, now_us: u64) {
         let is_taken = match message {
             // A joint on its own sensors sends Motion and Torque itself and receives neither.
-            Message::Motion(..) | Message::Torque(..) => {
-                self.base.settings.source == InputSource::Bus
-            }
+            Message::Motion(..) | Message::Torque(..) => self.base.settings.is_in_hil(),
             Message::Command(..) => !self.motion.profile.is_active(),
             _ => true,
         };
@@ -119,7 +117,7 @@ impl<F: NorFlash> Device<F> {
             }
         }
         let reply = self.samples.reply;
-        if self.base.settings.source == InputSource::Bus
+        if self.base.settings.is_in_hil()
             && let Some(watch) = &mut self.base.watch
         {
             let residual_nm = reply.telemetry.residual_torque_nm;
@@ -154,7 +152,7 @@ impl<F: NorFlash> Device<F> {
             TraceEntry::Sequence(_) => {}
             TraceEntry::JointKind(kind) => self.samples.joint_kind = kind,
         }
-        if self.samples.hil.take(message) && self.base.settings.source == InputSource::Bus {
+        if self.samples.hil.take(message) && self.base.settings.is_in_hil() {
             self.restart_adaptation();
         }
     }

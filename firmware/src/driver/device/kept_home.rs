@@ -1,6 +1,6 @@
 //! The home over a reset: see [`crate::driver::home`].
 
-use super::{Device, InputSource};
+use super::Device;
 use crate::control::LoopFlags;
 use crate::driver::home::{KeptHome, has_turns, is_absolute, shaft_number};
 use crate::node::sdo::Abort;
@@ -50,7 +50,7 @@ impl<F: NorFlash> Device<F> {
                     }
                     Err(why) => {
                         self.home = HomeState::Settled;
-                        let _ = self.base.staging.refuse(Abort::State, why);
+                        let _ = self.base.refuse(Abort::State, why);
                     }
                 }
             }
@@ -76,8 +76,7 @@ impl<F: NorFlash> Device<F> {
     /// Returns angle and position of the last report; `None` without an angle. The position is NaN before homing.
     pub(super) fn measured_home(&self) -> Option<KeptHome> {
         let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
-        let is_absolute_joint =
-            self.base.settings.source == InputSource::Sensors && is_absolute(set);
+        let is_absolute_joint = !self.base.settings.is_in_hil() && is_absolute(set);
         let is_known = is_absolute_joint && !self.turn_readings.contradict();
         let encoder = self.angle_from_zero(report).filter(|_| is_known)?;
         Some(KeptHome {

@@ -3,7 +3,6 @@
 use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, split_block};
 use crate::parameter_set::ParameterSet;
 use crate::store::{Identity, LoadError, SaveOutcome, SavePlace, Store, StoreError};
-use compensator_core::parameters::Text;
 use embedded_storage::nor_flash::NorFlash;
 
 /// A stored block.
@@ -66,17 +65,6 @@ impl<F: NorFlash> Memory<F> {
             }
             Err(_) => None,
         }
-    }
-
-    /// Returns the first quantity with which a set may compensate more friction than the set in the flash.
-    // Not inlined: the stack of the stored set is free again afterwards.
-    #[inline(never)]
-    pub(super) fn larger_than_stored(&mut self, set: &ParameterSet) -> Option<Text> {
-        let mut stored = ParameterSet::default();
-        if self.recall(StoredBlock::Newest, &mut stored).is_none() {
-            stored = ParameterSet::default();
-        }
-        set.larger_quantity(&stored)
     }
 
     /// Stores a block, and the identity of its settings.

@@ -28,7 +28,7 @@ impl LiveNetwork {
     /// Creates the network of a set, for a joint on its own sensors. A network that cannot be built was refused
     /// at its commit.
     pub(super) fn of(set: &ParameterSet, settings: &NodeSettings) -> Self {
-        let network = set.network.as_ref().filter(|_| settings.source == InputSource::Sensors);
+        let network = set.network.as_ref().filter(|_| !settings.is_in_hil());
         let hold_s = set.friction.compensator.hold_s;
         let supplier = network.and_then(|network| FactorSupplier::build(network, hold_s).ok());
         Self { supplier, ..Self::default() }

@@ -107,14 +107,14 @@ impl<F: NorFlash> Device<F> {
             (RETURN, TrialState::Returning) => {}
             (KEEP | RETURN | KEEP_AND_SAVE, _) => {
                 let why = text!("no parameter set is on trial");
-                return Err(self.base.staging.refuse(Abort::State, why));
+                return Err(self.base.refuse(Abort::State, why));
             }
             (order, _) => {
                 let why = refusal!(
                     "order = {u32}: must be 1 (keep), 2 (return) or 3 (keep and save)",
                     order
                 );
-                return Err(self.base.staging.refuse(Abort::Value, why));
+                return Err(self.base.refuse(Abort::Value, why));
             }
         }
         Ok(())
@@ -155,21 +155,17 @@ impl<F: NorFlash> Device<F> {
         }
         self.finish_trial();
         if let Some(why) = self.update_blocks_arming() {
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         let faults = self.base.supervisor.faults();
         if !faults.is_empty() {
-            self.base.blocking = faults.fault_bits();
-            return Err(self
-                .base
-                .staging
-                .refuse(Abort::State, self.base.supervisor.remaining(faults)));
+            return Err(self.base.refuse_blocked(faults));
         }
         if !self.is_newest_in_use() {
             let why = text!(
                 "parameters or drive settings are not those in the flash: save them first (1010h:1)"
             );
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         let stored_crc = self.base.staging.crcs().0;
         self.trial =
@@ -192,7 +188,7 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
         if self.trial.is_open() {
             let why = text!("a parameter set is on trial: keep it or return first (2042h:2)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         Ok(())
     }
@@ -300,7 +296,7 @@ impl<F: NorFlash> Device<F> {
         self.refuse_in_trial()?;
         if !self.adopt(StoredBlock::Former, self.base.settings.tuning[SET_BEFORE]) {
             let why = text!("the flash does not hold the set from before the tuning (2043h:3)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         self.base.settings.tuning = TuningRecord::default();
         self.memory.is_undone = true;

@@ -11,12 +11,13 @@ mod objects;
 mod sync;
 mod transmit;
 
-use super::{Device, InputSource, Message, NodeId};
+use super::{Device, Message, NodeId};
 use crate::driver::counters::count;
 use crate::driver::motion::Target;
 use crate::node::dictionary::index;
 use crate::node::dictionary::records::TransmitPdoObject as Parameter;
 use crate::node::sdo::{Abort, Objects};
+use crate::node_settings::InputSource;
 use canopen_rs::Address;
 use compensator_core::can::{FdTelemetry, Frame, FrameError, SyncFrame};
 use embedded_storage::nor_flash::NorFlash;
@@ -137,7 +138,7 @@ impl<F: NorFlash> Device<F> {
     fn default_transmit_type(&self, slot: usize) -> u8 {
         let settings = &self.base.settings;
         let is_at_every_sync = [MOTION, DRIVE].contains(&slot)
-            || settings.source == InputSource::Bus
+            || settings.is_in_hil()
             || self.sends_fd_telemetry()
             // 2001h:5 states the rate of Telemetry.
             || slot == TELEMETRY && settings.telemetry_every > 1;

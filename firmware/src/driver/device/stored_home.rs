@@ -11,8 +11,8 @@
 //! that stands is written after [`FAILING_REST_US`], without an erase. Only a holding brake makes it stand without power: a joint
 //! without one may begin to fall, by any number of turns.
 
+use super::Device;
 use super::kept_home::HomeState;
-use super::{Device, InputSource};
 use crate::driver::home::{KeptHome, has_turns, is_absolute, shaft_number};
 use crate::node::sdo::Abort;
 use crate::store::{FoundHome, HomeRecord, StoreHealth};
@@ -63,8 +63,8 @@ impl<F: NorFlash> Device<F> {
         } else {
             self.stored_home.recorded = Some(home);
         }
-        let is_absolute_joint = self.base.settings.source == InputSource::Sensors
-            && is_absolute(self.base.staging.active());
+        let is_absolute_joint =
+            !self.base.settings.is_in_hil() && is_absolute(self.base.staging.active());
         if is_absolute_joint && matches!(self.home, HomeState::Settled) {
             self.begin_home(Some(home));
         }
@@ -135,7 +135,7 @@ impl<F: NorFlash> Device<F> {
             self.disarm();
             let why =
                 text!("the flash cannot mark the stored home as lost: the joint is not armed");
-            let _ = self.base.staging.refuse(Abort::Refused, why);
+            let _ = self.base.refuse(Abort::Refused, why);
         }
     }
 }

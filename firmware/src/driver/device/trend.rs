@@ -8,7 +8,7 @@
 //! programming keeps the background waiting for 0.2 ms, and thinning a full journal takes as long as a save. The gains
 //! in use start at the set after a restart. The seal may have been replaced meanwhile, and learning takes a minute.
 
-use super::{Device, InputSource};
+use super::Device;
 use crate::node::sdo::Abort;
 use crate::store::{LastEntry, TIME_UNIT_S, TrendEntry};
 use compensator_core::Real;
@@ -98,7 +98,7 @@ impl<F: NorFlash> Device<F> {
         let Some(learner) = self.adaptation.learner() else { return };
         self.trend.count(learner);
         // A joint in HIL repeats the torques of another one.
-        if self.base.is_bridge_in_use() || self.base.settings.source == InputSource::Bus {
+        if self.base.is_bridge_in_use() || self.base.settings.is_in_hil() {
             return;
         }
         let set_level_nm =
@@ -115,10 +115,9 @@ impl<F: NorFlash> Device<F> {
     /// Returns the length of the stored trend, bytes.
     pub(crate) fn trend_length(&mut self) -> Result<usize, Abort> {
         match self.memory.store.trend_length() {
-            0 => Err(self
-                .base
-                .staging
-                .refuse(Abort::Refused, text!("no trend of learnt levels is stored"))),
+            0 => {
+                Err(self.base.refuse(Abort::Refused, text!("no trend of learnt levels is stored")))
+            }
             length => Ok(length),
         }
     }

@@ -80,7 +80,7 @@ impl<F: NorFlash> Device<F> {
             let why = text!(
                 "the number of turns of the encoder contradicts the motion: the home is not kept"
             );
-            let _ = self.base.staging.refuse(Abort::State, why);
+            let _ = self.base.refuse(Abort::State, why);
         }
     }
 }

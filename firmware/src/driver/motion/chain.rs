@@ -13,7 +13,6 @@ use super::velocity::VelocityTarget;
 use crate::control::Setpoint;
 use crate::driver::profile;
 use crate::joint_node::JointBase;
-use crate::node_settings::InputSource;
 
 /// Who commands the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,7 +56,7 @@ impl Motion {
     /// Returns who commands the joint.
     #[inline(never)]
     pub(crate) fn mover(&self, joint: &JointBase) -> Mover {
-        let is_on_sensors = joint.settings.source == InputSource::Sensors;
+        let is_on_sensors = !joint.settings.is_in_hil();
         match self.profile.mode {
             _ if self.is_measuring_motor() => Mover::MotorMeasurement,
             _ if self.is_friction_run() => Mover::FrictionRun,

@@ -213,7 +213,7 @@ impl Motion {
             );
             return Err(Refused::new(Abort::Value, why));
         }
-        if ![0, profile::CST].contains(&mode) && joint.settings.source == InputSource::Bus {
+        if ![0, profile::CST].contains(&mode) && joint.settings.is_in_hil() {
             let why = refusal!(
                 "a joint in HIL drives nothing and has no position of its own: mode {i32} needs the joint's own sensors (2001h:1)",
                 mode

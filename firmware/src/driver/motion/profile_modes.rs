@@ -18,7 +18,6 @@ use crate::driver::profile::stop::StopCause;
 use crate::driver::profile::{self, Homing, SetPoint, status};
 use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
-use crate::node_settings::InputSource;
 use compensator_core::refusal;
 
 /// State of the profile modes.
@@ -51,7 +50,7 @@ impl ProfileModes {
 impl Motion {
     /// Returns true if mode 4 commands the torque.
     pub(crate) fn is_in_profile_torque(&self, joint: &JointBase) -> bool {
-        joint.settings.source == InputSource::Sensors && self.profile.mode == profile::TQ
+        !joint.settings.is_in_hil() && self.profile.mode == profile::TQ
     }
 
     /// Returns the maximum speed of mode 3, rad/s.
@@ -170,7 +169,7 @@ impl Motion {
             return Ok(());
         }
         let continues = joint.supervisor.is_armed()
-            && joint.settings.source == InputSource::Sensors
+            && !joint.settings.is_in_hil()
             && !self.is_commissioning()
             && !self.brake_test.is_running();
         if !continues {
