@@ -304,7 +304,7 @@ impl HilJoint {
         learner: &mut LevelLearner,
         blocked: Option<Frozen>,
     ) -> HilStep {
-        self.set_gains(&learner.gains().1);
+        self.set_gains(&learner.gains());
         self.step(sync, Some((learner, blocked)))
     }
 

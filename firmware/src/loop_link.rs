@@ -7,7 +7,8 @@
 
 use crate::control::probe::ProbeReport;
 use crate::driver::{
-    LoopCommands, LoopOutput, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus,
+    LoopCommands, LoopOutput, LoopReport, NumberedGains, PeriodValues, REPORT_PERIOD_S,
+    ReportStatus,
 };
 use crate::loop_parts::{LoopParts, StageTraits};
 use crate::parameter_set::ParameterSet;
@@ -230,7 +231,7 @@ impl LoopLink<'_> {
         }
         // If the queue is full, the loop does not run, and its set-point goes stale there.
         let _ = self.commands.enqueue(commands);
-        if let Some((number, gains)) = output.gains
+        if let Some(NumberedGains { number, gains }) = output.gains
             && number != self.gains_number
             && self.parts.ready()
             && self.gains.enqueue(gains).is_ok()

@@ -3,7 +3,7 @@
 use super::*;
 use crate::control::probe::{BLOCK_PERIODS, ProbeCommand, ProbeReport};
 use crate::control::{Covariates, PERIOD_S, Setpoint, ValidChannels};
-use crate::driver::{Home, LoopOutput, LoopReport};
+use crate::driver::{Home, LoopOutput, LoopReport, NumberedGains};
 use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
@@ -480,7 +480,8 @@ fn scope_signal_of_the_gain_follows_the_loop_and_is_one_after_a_swap() {
         signal::value(number, &task.values)
     };
     assert_eq!(recorded(&mut port), 1.0);
-    let gains = Some((1, Gains { level: 1.25, ..Gains::default() }));
+    let learnt = Gains { level: 1.25, ..Gains::default() };
+    let gains = Some(NumberedGains { number: 1, gains: learnt });
     link.send(&LoopOutput { commands: drive(1.0), gains }, &ParameterSet::default());
     assert_eq!(recorded(&mut port), 1.25);
     let commands = LoopCommands { set_number: 1, ..drive(1.0) };

@@ -55,8 +55,17 @@ pub struct LoopCommands {
 pub struct LoopOutput {
     /// Commands, with the factors of a network.
     pub commands: LoopCommands,
-    /// Gains that the adaptation has learnt, and their number.
-    pub gains: Option<(u32, Gains<f32>)>,
+    /// Gains that the adaptation has learnt; `None` for a driver without one.
+    pub gains: Option<NumberedGains>,
+}
+
+/// Learnt gains on the sizes of the model.
+#[derive(Clone, Copy, Debug)]
+pub struct NumberedGains {
+    /// Changes with the gains, so that the loop receives each once.
+    pub number: u32,
+    /// The gains.
+    pub gains: Gains<f32>,
 }
 
 /// Position of the joint, set by a caller who knows it. An encoder on the motor gives the angle within a motor

@@ -125,7 +125,7 @@ impl JointBase {
             watch: None,
             received: ReceivedInputs::default(),
             // Inputs before any frame: every float is NaN.
-            inputs: InputsObject::filled(f32::NAN.to_bits()),
+            inputs: InputsObject::of([f32::NAN.to_bits(); InputsObject::ENTRIES.len()]),
             current_loop: LoopExchange::default(),
             counters: Counters::default(),
             name,
@@ -309,7 +309,6 @@ impl JointBase {
     #[inline(always)]
     pub(crate) fn loop_commands(&self, now_us: u64) -> LoopCommands {
         let age_h = now_us as f32 * (1e-6 / 3600.0);
-        let (set_number, gate_resets, home) = self.current_loop.orders();
         LoopCommands {
             setpoint: self.received.setpoint(now_us),
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
@@ -318,9 +317,9 @@ impl JointBase {
             compensation: self.supervisor.is_compensation_allowed(),
             current_share: self.supervisor.current_share(),
             compensation_share: self.compensation.share(),
-            set_number,
-            gate_resets,
-            home,
+            set_number: self.current_loop.set_number,
+            gate_resets: self.current_loop.gate_resets,
+            home: self.current_loop.home(),
             ..LoopCommands::default()
         }
     }

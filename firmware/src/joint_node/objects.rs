@@ -251,7 +251,7 @@ impl JointBase {
                 entry(&[commissioned, wiring_crc, 0, proven], place)
             }
             index::COMMIT => {
-                let (active_crc, staged_crc) = staging.crcs();
+                let (active_crc, staged_crc) = (staging.active_crc(), staging.staged_crc());
                 entry(&CommitObject { active_crc, staged_crc, ..Default::default() }.words(), place)
             }
             _ => Err(Abort::NoObject),

@@ -6,6 +6,7 @@
 //! on trial, nothing is learnt, because a trial compares sets.
 
 use super::{Device, JointBase};
+use crate::driver::loop_data::NumberedGains;
 use crate::level_learner::{LearningSample, OFF, ON, ON_IN_EVERY_MODE};
 use crate::node::dictionary::records::AdaptationObject;
 use crate::node::sdo::Abort;
@@ -76,24 +77,24 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Returns the gains for the loop, and their number. In a torque mode no loop of this driver bounds the speed of a joint
-    /// whose friction has ended since it was learnt, so that the set is the most that applies.
-    pub fn learnt(&self) -> (u32, Gains<f32>) {
-        let (number, gains) = self.adaptation.gains();
+    /// Returns the gains for the loop. In a torque mode no loop of this driver bounds the speed of a joint whose friction has
+    /// ended since it was learnt, so that the set is the most that applies.
+    pub fn learnt(&self) -> NumberedGains {
+        let gains = self.adaptation.gains();
         let is_bounded = self.motion.mover(&self.base).is_torque()
             && self.base.settings.drive.adapt != ON_IN_EVERY_MODE;
         // The bounded gains have odd numbers.
         let number = self.adaptation.number().wrapping_mul(2).wrapping_add(is_bounded.into());
         if !is_bounded {
-            return (number.wrapping_mul(2), gains);
+            return NumberedGains { number, gains };
         }
         let bounded = gains.to_array().map(|gain| gain.min(1.0));
-        (number.wrapping_mul(2).wrapping_add(1), Gains::from_array(&bounded))
+        NumberedGains { number, gains: Gains::from_array(&bounded) }
     }
 
     /// Returns the gains in use as words.
     pub(crate) fn learnt_gains(&self) -> [u32; MAX_GAINS] {
-        self.adaptation.gains().1.to_array().map(f32::to_bits)
+        self.adaptation.gains().to_array().map(f32::to_bits)
     }
 
     /// Returns the standard deviations of the gains as words; 0 if the adaptation is off.
@@ -144,8 +145,7 @@ impl<F: NorFlash> Device<F> {
         let learnt = learner.learnt_parameters();
         self.base.staging.discard();
         self.base.staging.staged_mut().friction.model = learnt;
-        let (_, crc) = self.base.staging.crcs();
-        let adopted = self.commit(crc);
+        let adopted = self.commit(self.base.staging.staged_crc());
         if adopted.is_err() {
             self.base.staging.discard();
         }

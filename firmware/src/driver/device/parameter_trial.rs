@@ -167,7 +167,7 @@ impl<F: NorFlash> Device<F> {
             );
             return Err(self.base.refuse(Abort::State, why));
         }
-        let stored_crc = self.base.staging.crcs().0;
+        let stored_crc = self.base.staging.active_crc();
         self.trial =
             ParameterTrial { state: TrialState::Open, stored_crc, ..ParameterTrial::default() };
         Ok(())
@@ -179,7 +179,7 @@ impl<F: NorFlash> Device<F> {
         let mut set = ParameterSet::default();
         let stored = self.memory.recall(StoredBlock::Newest, &mut set);
         stored.is_some_and(|stored| {
-            set.crc() == self.base.staging.crcs().0 && stored.drive == self.base.settings.drive
+            set.crc() == self.base.staging.active_crc() && stored.drive == self.base.settings.drive
         })
     }
 

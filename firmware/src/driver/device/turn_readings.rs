@@ -63,7 +63,7 @@ impl<F: NorFlash> Device<F> {
             Some(if is_reversed { (!turns).wrapping_add(carry) } else { turns })
         });
         let readings = &mut self.turn_readings;
-        let home_number = self.base.current_loop.orders().2.number;
+        let home_number = self.base.current_loop.home().number;
         if readings.last != read || readings.home_number != home_number {
             readings.equal = 0;
         }

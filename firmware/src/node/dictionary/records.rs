@@ -30,20 +30,14 @@ macro_rules! record {
 
             $($(pub const $AT: u8 = (1 + offset_of!($record, $field) / size_of::<u32>()) as u8;)?)*
 
-            /// Returns a record with this word in every entry.
-            #[allow(dead_code)] // Used by some records only.
-            pub const fn filled(word: u32) -> Self {
-                Self { $($field: word),* }
-            }
-
             /// Returns the values in the order of the entries.
             pub const fn words(&self) -> [u32; Self::ENTRIES.len()] {
                 [$(self.$field),*]
             }
 
             /// Returns a record with these values.
-            #[allow(dead_code)]
-            const fn of([$($field),*]: [u32; Self::ENTRIES.len()]) -> Self {
+            #[allow(dead_code)] // Used by some records only.
+            pub(crate) const fn of([$($field),*]: [u32; Self::ENTRIES.len()]) -> Self {
                 Self { $($field),* }
             }
         }
