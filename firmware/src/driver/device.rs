@@ -178,11 +178,12 @@ impl<F: NorFlash> Device<F> {
         let is_compensated = !self.base.settings.is_in_hil()
             && self.base.supervisor.is_compensation_allowed()
             && !self.motion.is_commissioning();
-        let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
-        let is_offset = self.motion.profile.mode == profile::CST;
-        let offset_nm =
-            if is_offset { by_a * self.motion.offset_current_a(&self.base) } else { 0.0 };
-        let offset_nm = self.motion.mover(&self.base).is_torque().then_some(offset_nm);
+        let offset_nm = self.motion.mover(&self.base).is_torque().then(|| {
+            // The other torque modes have no offset.
+            let is_offset = self.motion.profile.mode == profile::CST;
+            let offset_a = if is_offset { self.motion.offset_current_a(&self.base) } else { 0.0 };
+            self.set().friction.compensator.torque_constant_nm_per_a * offset_a
+        });
         let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
         self.base.compensation.step(report, set, is_compensated, offset_nm);
     }
@@ -192,7 +193,7 @@ impl<F: NorFlash> Device<F> {
         let drives = !self.base.settings.is_in_hil();
         let commands = self.base.loop_commands(now_us);
         let shorts = commands.brake
-            || self.motion.stopping.shorts_low_sides() && self.base.supervisor.is_braking_allowed();
+            || self.motion.stopping.shorts_low_sides && self.base.supervisor.is_braking_allowed();
         LoopCommands {
             setpoint: self.motion.setpoint(&self.base, now_us),
             bridge: drives && commands.bridge,
@@ -201,7 +202,7 @@ impl<F: NorFlash> Device<F> {
                 && commands.compensation
                 && !self.motion.is_commissioning()
                 && !self.motion.brake_test.is_running(),
-            probe: self.motion.probe(),
+            probe: self.motion.commissioning.run.probe_command(),
             scope: self.scope.order(),
             ..commands
         }
@@ -304,7 +305,7 @@ impl<F: NorFlash> Joint for Device<F> {
         self.enclosure = state.enclosure;
         self.turn_readings.words = state.biss;
         self.joint_encoder.words = state.joint_words;
-        self.motion.take_hall(state.hall);
+        self.motion.commissioning.run.take_hall(state.hall);
     }
 
     fn report(&mut self, report: &LoopReport) {

@@ -27,7 +27,6 @@ use brake_test::BrakeTest;
 use commissioning::Run;
 use compensator_core::parameters::reason::Reason;
 pub(super) use drive::Target;
-use drive::Targets;
 use offsets::Offsets;
 use position::PositionControl;
 use profile_modes::ProfileModes;
@@ -73,7 +72,8 @@ pub(super) struct Orders {
 #[derive(Debug, Default)]
 #[repr(C)]
 pub(super) struct Motion {
-    pub(super) targets: Targets,
+    /// Time of the last target, us; `None` if none came since the mode or a setting changed.
+    pub(super) target_us: Option<u64>,
     pub(super) offsets: Offsets,
     pub(super) velocity: VelocityControl,
     pub(super) modes: ProfileModes,

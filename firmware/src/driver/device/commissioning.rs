@@ -74,7 +74,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn confirm_master(&mut self) {
-        self.motion.commissioning.alive_us = self.base.now_us;
+        self.motion.commissioning.confirmed_us = self.base.now_us;
         self.base.supervisor.record_command(self.base.now_us);
     }
 

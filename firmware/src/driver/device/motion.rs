@@ -141,7 +141,7 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub(super) fn forget_command(&mut self) {
         self.base.received.reset_command();
-        self.motion.targets = Default::default();
+        self.motion.target_us = None;
     }
 
     /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.

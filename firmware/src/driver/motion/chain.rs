@@ -117,7 +117,7 @@ impl Motion {
     /// Stage 2 of the velocity loop: the limit of its current, A.
     fn velocity_loop_limit_a(&self, joint: &JointBase, mover: Mover) -> f32 {
         let limit_a = match mover {
-            Mover::FrictionRun => self.friction_limit_a(),
+            Mover::FrictionRun => self.commissioning.friction.bounds().current_a,
             _ => joint.rated_current_a() * self.profile.max_share() * self.torque_share(joint),
         };
         limit_a * joint.supervisor.current_share()
@@ -157,7 +157,7 @@ impl Motion {
     pub(crate) fn torque_mode_current_a(&self, joint: &JointBase) -> f32 {
         let rated_a = joint.rated_current_a();
         match self.profile.mode {
-            profile::TQ => self.modes.torque_current_a(rated_a),
+            profile::TQ => self.modes.torque_permille * 1e-3 * rated_a,
             profile::CST => {
                 let most_a = self.profile.max_share() * rated_a;
                 let wanted_a = self.profile.target_share() * rated_a + self.offset_current_a(joint);
@@ -170,12 +170,12 @@ impl Motion {
     /// Last stage of the set-point: its age, s, which is the time since who must confirm it did; 0 if nobody must.
     fn setpoint_age_s(&self, joint: &JointBase, mover: Mover, now_us: u64) -> f32 {
         let since_us = match mover {
-            Mover::MotorMeasurement | Mover::FrictionRun => self.confirmed_us(),
+            Mover::MotorMeasurement | Mover::FrictionRun => self.commissioning.confirmed_us,
             Mover::BrakeTest if self.brake_test.is_requested() => return 0.0,
             Mover::Hold if self.stopping.is_to_rest() => return 0.0,
             _ if !self.profile.is_active() => return joint.received.setpoint(now_us).age_s,
-            _ => match self.targets.at_us() {
-                Some(at_us) => at_us,
+            _ => match self.target_us {
+                Some(target_us) => target_us,
                 None => return Setpoint::NONE.age_s,
             },
         };

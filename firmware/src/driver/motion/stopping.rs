@@ -66,16 +66,6 @@ impl Stopping {
         &self.brake
     }
 
-    /// Returns true if the low sides are to be shorted while the bridge drives nothing.
-    pub(crate) const fn shorts_low_sides(&self) -> bool {
-        self.shorts_low_sides
-    }
-
-    /// Opens the low sides, as a master does by disarming the joint.
-    pub(crate) fn open_low_sides(&mut self) {
-        self.shorts_low_sides = false;
-    }
-
     /// Ends the stop.
     pub(crate) fn end(&mut self) {
         self.stop = None;

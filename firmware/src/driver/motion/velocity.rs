@@ -169,7 +169,7 @@ impl Motion {
     /// 60FFh: takes a target of the master.
     pub(crate) fn set_target_velocity(&mut self, joint: &JointBase, target_micro_rad_s: i32) {
         if target_micro_rad_s != self.profile.target_micro_rad_s {
-            self.modes.begin_velocity();
+            self.modes.reached_reports = 0;
         }
         self.profile.target_micro_rad_s = target_micro_rad_s;
         let is_followed = self.profile.mode == CSV && !joint.settings.is_in_hil();
