@@ -32,7 +32,7 @@ use crate::level_learner::LevelLearner;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::lss::Lss;
 use crate::node::{Emergency, Network, NmtAction};
-use crate::node_settings::{InputSource, NodeSettings};
+use crate::node_settings::NodeSettings;
 use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
 use crate::sensors::{LocalReadings, enclosure};

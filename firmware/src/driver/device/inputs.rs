@@ -126,9 +126,9 @@ impl<F: NorFlash> Device<F> {
         }
         Some(reply.status.sequence)
     }
-        let report = self.base.report();
 
     fn measured_reply(&self) -> HilReply {
+        let report = self.base.report();
         HilReply {
             answer: AnswerFrame {
                 friction_torque_nm: report.friction_torque_nm,
