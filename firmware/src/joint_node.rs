@@ -16,6 +16,7 @@ pub(crate) mod compensation_share;
 pub(crate) mod current_loop;
 pub(crate) mod history;
 pub(crate) mod objects;
+pub(crate) mod refusals;
 pub(crate) mod seal_sensors;
 
 pub use base::JointBase;

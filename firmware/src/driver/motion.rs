@@ -20,7 +20,7 @@ mod velocity;
 use super::commissioning::AbortReason;
 use super::profile::Profile;
 use crate::joint_node::JointBase;
-use crate::joint_node::objects::ARMED;
+use crate::joint_node::refusals::ARMED;
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use brake_test::BrakeTest;

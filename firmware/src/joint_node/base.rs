@@ -380,13 +380,6 @@ impl JointBase {
         self.supervisor.arm(self.now_us).map_err(|refusal| self.refuse_arming(refusal))
     }
 
-    /// Refuses a request to the state machine that does not exist.
-    pub(crate) fn refuse_request(&mut self, request: u8) -> Abort {
-        let why =
-            refusal!("request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)", request);
-        self.refuse(Abort::Value, why)
-    }
-
     /// Clears the faults whose causes have ended.
     pub(crate) fn clear_faults(&mut self) -> Result<(), Abort> {
         self.supervisor.clear_faults().map_err(|left| {

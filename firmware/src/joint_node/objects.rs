@@ -10,22 +10,14 @@ use crate::node::dictionary::{
 use crate::node::sdo::{Abort, ValueBuffer};
 use crate::node_settings::NodeSettings;
 use crate::refusal;
-use crate::setting_error::SettingError;
-use crate::supervisor::{ArmRefusal, CodeSet};
 use crate::watch::ResidualWatch;
 use canopen_rs::Address;
 use compensator_core::can::{
     CommandFrame, Message, MotionFrame, NodeId, SealFrame, SurroundingsFrame, TorqueFrame, cob_id,
 };
 use compensator_core::network::record as network_record;
-use compensator_core::parameters::Text;
-use compensator_core::parameters::reason::Reason;
 use compensator_core::record;
 use compensator_core::text;
-
-/// Reason against a write while the bridge is in use.
-pub(crate) const ARMED: Text =
-    text!("the joint is armed, and nothing is written then: disarm first");
 
 impl JointBase {
     /// Checks that an entry may be written now: while the bridge is in use, few may.
@@ -34,36 +26,6 @@ impl JointBase {
             return Err(self.refuse_armed());
         }
         Ok(())
-    }
-
-    /// Keeps the reason of a refusal (2028h), and returns its abort code.
-    pub(crate) fn refuse(&mut self, abort: Abort, why: impl Into<Reason>) -> Abort {
-        self.staging.refuse(abort, why)
-    }
-
-    /// Refuses a write because the bridge is in use.
-    #[inline(never)]
-    pub(crate) fn refuse_armed(&mut self) -> Abort {
-        self.refuse(Abort::State, ARMED)
-    }
-
-    /// Refuses a request because of these faults and limits, and keeps them as those that block it (2002h:5).
-    #[inline(never)]
-    pub(crate) fn refuse_blocked(&mut self, codes: CodeSet) -> Abort {
-        self.blocking = codes.fault_bits();
-        self.refuse(Abort::State, self.supervisor.remaining(codes))
-    }
-
-    /// Refuses to arm, and keeps the codes that block it.
-    pub(crate) fn refuse_arming(&mut self, refusal: ArmRefusal) -> Abort {
-        self.blocking = refusal.causes.fault_bits();
-        self.refuse(Abort::State, refusal)
-    }
-
-    /// Refuses a setting that is out of range.
-    #[inline(never)]
-    pub(crate) fn refuse_setting(&mut self, name: Text, legal: Text) -> Abort {
-        self.refuse(Abort::Value, SettingError { name, legal })
     }
 
     /// Reads a value that every joint has and that is no number, or the number of values of an object; `None` for any other.

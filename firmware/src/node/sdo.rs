@@ -95,7 +95,8 @@ pub trait Objects {
     }
 
     /// Takes the next part of a value, of 1 to [`MAX_PART_BYTES`] bytes. The parts follow each other without
-    /// gap; the first one, at offset 0, ends an incomplete value. The client waits until this returns. The CRC of a block transfer is checked after the last part.
+    /// gap; the first one, at offset 0, ends an incomplete value. The client waits until this returns. The CRC of a
+    /// block transfer is checked after the last part.
     ///
     /// # Errors
     /// Returns why it is refused; the transfer ends then.
