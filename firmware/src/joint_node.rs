@@ -58,6 +58,9 @@ pub trait Joint: Objects + Sized {
     fn equip(&mut self, _equipment: Equipment) {}
 
     /// Returns what every joint has.
+    /// Returns the flash, on a PC.
+    fn flash(&self) -> &Self::Flash;
+
     fn base(&mut self) -> &mut JointBase;
 
     /// Sets the time of a request.

@@ -35,11 +35,6 @@ impl<F: NorFlash> Device<F> {
         &self.base.supervisor
     }
 
-    /// Returns the flash.
-    pub fn flash(&self) -> &F {
-        self.store.flash()
-    }
-
     /// Returns to the defaults of the communication.
     pub(super) fn restart_communication(&mut self) {
         self.samples = SampleAssembler::new(self.base.settings.node);
@@ -76,6 +71,10 @@ impl<F: NorFlash> Joint for Device<F> {
     }
 
     fn base(&mut self) -> &mut JointBase {
+    fn flash(&self) -> &F {
+        self.store.flash()
+    }
+
         &mut self.base
     }
 

@@ -102,11 +102,6 @@ impl<F: NorFlash> Device<F> {
         self.base.staging.active()
     }
 
-    /// Returns the flash.
-    pub fn flash(&self) -> &F {
-        self.memory.store.flash()
-    }
-
     /// Returns the flash, for a simulated fault.
     pub fn flash_mut(&mut self) -> &mut F {
         self.memory.store.flash_mut()
@@ -236,6 +231,10 @@ impl<F: NorFlash> Joint for Device<F> {
         if let Some(seed) = equipment.seed {
             self.lock.seed(seed);
         }
+    }
+
+    fn flash(&self) -> &F {
+        self.memory.store.flash()
     }
 
     fn base(&mut self) -> &mut JointBase {

@@ -160,7 +160,7 @@ impl JointBase {
     /// Returns true if the joint is armed, on its own sensors or in HIL.
     // Not inlined, to reduce the size of the image, like all small functions below with this attribute.
     #[inline(never)]
-    pub(crate) fn is_armed(&self) -> bool {
+    pub fn is_armed(&self) -> bool {
         self.supervisor.is_armed() || self.is_hil_armed
     }
 

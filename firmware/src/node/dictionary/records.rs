@@ -82,7 +82,7 @@ record! {
         faults: Unsigned32, ReadOnly;
         limits: Unsigned32, ReadOnly;
         blocking_codes: Unsigned32, ReadOnly;
-        set_position_rad: Real32, WriteOnly;
+        set_position_rad: Real32, WriteOnly, SET_POSITION;
         /// First test of the board that failed at the start; 0 none. 1 pins of the wiring, 2 duty of the outputs, 3 clock of
         /// the encoder, 4 and 5 offsets of the amplifiers a and b, 10 + n comparator n.
         failed_self_test: Unsigned8, ReadOnly, FAILED_SELF_TEST;
@@ -311,7 +311,7 @@ record! {
     /// Access to the objects of the service level: see [`crate::access`].
     AccessObject {
         /// 0 open, 1 service.
-        level: Unsigned8, ReadOnly;
+        level: Unsigned8, ReadOnly, LEVEL;
         /// 8 bytes, new with every read.
         challenge: Domain, ReadOnly, CHALLENGE;
         /// 8 bytes; valid once, for the last challenge.
