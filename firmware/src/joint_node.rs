@@ -17,6 +17,7 @@ pub(crate) mod current_loop;
 pub(crate) mod history;
 pub(crate) mod objects;
 pub(crate) mod refusals;
+pub(crate) mod sample_frames;
 pub(crate) mod seal_sensors;
 
 pub use base::JointBase;

@@ -1,6 +1,7 @@
 //! State of a compact node behind its objects, and its periodic work.
 
 use crate::driver::{LoopOutput, LoopReport};
+use crate::joint_node::sample_frames::SYNC_ORDER;
 use crate::joint_node::{BoardOutput, BoardState, Boot, Identity, Joint, JointBase};
 use crate::node::{Emergency, Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
@@ -11,7 +12,7 @@ use compensator_core::can::{Frame, NodeId, SampleAssembler, SyncFrame, cob_id};
 use embedded_storage::nor_flash::NorFlash;
 
 /// Number of frames at a SYNC.
-pub(super) const SYNC_FRAMES: usize = 5;
+const SYNC_FRAMES: usize = SYNC_ORDER.len();
 
 /// All parts of a compact node except its network state and its object server.
 #[derive(Debug)]
