@@ -58,10 +58,10 @@ pub trait Joint: Objects + Sized {
     /// Takes what the board has.
     fn equip(&mut self, _equipment: Equipment) {}
 
-    /// Returns what every joint has.
     /// Returns the flash, on a PC.
     fn flash(&self) -> &Self::Flash;
 
+    /// Returns what every joint has.
     fn base(&mut self) -> &mut JointBase;
 
     /// Sets the time of a request.

@@ -71,11 +71,11 @@ impl<F: NorFlash> Joint for Device<F> {
         self.restart_communication();
     }
 
-    fn base(&mut self) -> &mut JointBase {
     fn flash(&self) -> &F {
         self.store.flash()
     }
 
+    fn base(&mut self) -> &mut JointBase {
         &mut self.base
     }
 

@@ -73,7 +73,7 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn sample_frame(&self, slot: usize, sequence: u32, node: NodeId) -> Message {
-        let report = self.base.current_loop.report();
+        let report = self.base.report();
         match slot {
             ANSWER => Message::Answer(
                 node,

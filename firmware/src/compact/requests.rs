@@ -25,7 +25,7 @@ impl<F: NorFlash> Device<F> {
     /// Arms the joint. A compact node has torque modes only, and no lock: it compensates at most what someone has saved, while
     /// disarmed, for every later start.
     fn arm(&mut self) -> Result<(), Abort> {
-        if let Some(larger) = larger_than_stored(&mut self.store, self.base.staging.active()) {
+        if let Some(larger) = larger_than_stored(&mut self.store, self.base.set()) {
             let why = refusal!("{name}: larger than stored: save the set first (1010h:1)", larger);
             return Err(self.base.refuse(Abort::State, why));
         }
@@ -45,7 +45,7 @@ impl<F: NorFlash> Device<F> {
     /// rights of the object ensure it.
     pub(super) fn save(&mut self) -> Result<(), Abort> {
         let (block, settings) =
-            (emit_block(&self.base.settings, self.base.staging.active()), self.base.settings);
+            (emit_block(&self.base.settings, self.base.set()), self.base.settings);
         self.write_block(&block, &settings)
     }
 

@@ -33,7 +33,7 @@ use profile_modes::ProfileModes;
 use stopping::Stopping;
 use velocity::VelocityControl;
 
-/// A refusal: the abort code, and the reason that 2028h tells.
+/// A refusal: the abort code, and the reason for 2028h.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Refused {
     pub(crate) abort: Abort,

@@ -27,7 +27,7 @@ impl<F: NorFlash> Device<F> {
         let is_driven =
             self.base.supervisor.is_compensation_allowed() && !self.motion.is_commissioning();
         let blocked = self.learning_blocked_by().or((!is_driven).then_some(Frozen::NotArmed));
-        let report = self.base.current_loop.report();
+        let report = self.base.report();
         let sample = LearningSample {
             velocity_rad_s: report.velocity_rad_s,
             position_rad: report.position_rad,

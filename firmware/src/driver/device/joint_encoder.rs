@@ -205,7 +205,7 @@ impl<F: NorFlash> Device<F> {
             return;
         }
         let drives = self.base.is_bridge_in_use() && !self.motion.is_measuring_motor();
-        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
+        let (report, set) = (self.base.report(), self.base.set());
         self.joint_encoder.step(report, set, drives);
     }
 }

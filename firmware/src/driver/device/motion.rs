@@ -56,7 +56,7 @@ impl<F: NorFlash> Device<F> {
 
     /// 6079h, mV; 0 if it is not measured.
     pub(crate) fn bus_millivolts(&self) -> u32 {
-        (self.base.current_loop.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
+        (self.base.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
     }
 
     /// 603Fh: the emergency code of the first fault; 0 for none.

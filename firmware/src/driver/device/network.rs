@@ -93,7 +93,7 @@ impl<F: NorFlash> Device<F> {
     pub fn supply(&mut self, covariates: &Covariates, now_us: u64) -> Option<Factors<f32>> {
         let compensates = self.base.supervisor.is_bridge_allowed()
             && self.base.supervisor.is_compensation_allowed();
-        self.network.supply(compensates, self.base.current_loop.report(), covariates, now_us)
+        self.network.supply(compensates, self.base.report(), covariates, now_us)
     }
 
     /// Returns the network object: zeros and factors of 1 if there is no network.

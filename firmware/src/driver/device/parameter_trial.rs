@@ -1,9 +1,9 @@
 //! The trial of a parameter set (2042h), and the record of the tuning (2043h).
 //!
 //! While a trial is open, active set, settings of the drive and record are those of the master. Only the order that ends
-//! the trial saves them. The master renews the deadline. Without it, after a fault or if the connection is lost, the joint stops and returns
-//! to what its flash holds. There is no other copy, so a trial begins only with the stored values in use, and a reset ends
-//! it by itself.
+//! the trial saves them. The master renews the deadline. Without it, after a fault or if the connection is lost, the joint
+//! stops and returns to what its flash holds. There is no other copy, so a trial begins only with the stored values in use,
+//! and a reset ends it by itself.
 
 use super::Device;
 use super::memory::StoredBlock;
@@ -248,13 +248,12 @@ impl<F: NorFlash> Device<F> {
         let _ = self.base.supervisor.configure(&self.base.staging.active().thresholds);
         self.base.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
         self.follow_set();
-        let built =
-            LoopParts::build(self.base.staging.active(), self.base.identity.stage, PERIOD_S);
+        let built = LoopParts::build(self.base.set(), self.base.identity.stage, PERIOD_S);
         self.base.start.set_refused(built.err());
     }
 
-    /// Makes a stored set active, with the settings of the drive and the record of the tuning beside it, if it has this CRC. Otherwise nothing changes
-    /// but the staged set. Returns true if it is active.
+    /// Makes a stored set active, with the settings of the drive and the record of the tuning beside it, if it has this CRC.
+    /// Otherwise nothing changes but the staged set. Returns true if it is active.
     #[inline(never)]
     fn adopt(&mut self, from: StoredBlock, crc: u32) -> bool {
         let before = self.base.settings;

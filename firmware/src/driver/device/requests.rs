@@ -135,13 +135,13 @@ impl<F: NorFlash> Device<F> {
     /// Makes all but the supervisor's thresholds and the joint in HIL follow the set that became active.
     pub(super) fn follow_set(&mut self) {
         self.base.follow_set();
-        self.network = LiveNetwork::of(self.base.staging.active(), &self.base.settings);
+        self.network = LiveNetwork::of(self.base.set(), &self.base.settings);
         self.restart_adaptation();
     }
 
     /// Applies other settings; a new node number is used from the next start.
     pub(crate) fn set_settings(&mut self, settings: NodeSettings) -> Result<(), Abort> {
-        let set = self.base.staging.active();
+        let set = self.base.set();
         let watch = self.base.watch_of(&settings);
         let (network, setup) = (set.network.as_ref(), settings.hil_setup());
         let live = LiveNetwork::of(set, &settings);
@@ -162,7 +162,7 @@ impl<F: NorFlash> Device<F> {
     /// Stores settings and the active set. The caller has checked that they may be saved: a trial ends by its own order.
     pub(crate) fn save(&mut self) -> Result<(), Abort> {
         let settings = self.base.settings;
-        let block = emit_block(&settings, self.base.staging.active());
+        let block = emit_block(&settings, self.base.set());
         self.write_block(&block, &settings)?;
         self.memory.is_stored = true;
         Ok(())

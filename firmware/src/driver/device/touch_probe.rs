@@ -101,7 +101,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Takes the edges of a report.
     pub(super) fn step_touch_probes(&mut self) {
-        let report = self.base.current_loop.report();
+        let report = self.base.report();
         let input = self.edges_of_input(report);
         let from_zero = self.angle_from_zero(report);
         let before = self.touch.from_zero;

@@ -101,8 +101,7 @@ impl<F: NorFlash> Device<F> {
         if self.base.is_bridge_in_use() || self.base.settings.is_in_hil() {
             return;
         }
-        let set_level_nm =
-            self.base.staging.active().friction.model.get(ParameterId::CoulombTorque);
+        let set_level_nm = self.base.set().friction.model.get(ParameterId::CoulombTorque);
         let Some(entry) = self.trend.due_entry(learner, set_level_nm) else { return };
         let may_erase = !self.memory.is_undone;
         // Without a stored set or with a worn flash, the next attempt follows after more learning.

@@ -48,7 +48,7 @@ impl<F: NorFlash> Device<F> {
     /// Evaluates the first words of the last frame of a BiSS encoder, once per tick.
     #[inline(never)]
     pub(super) fn step_turn_readings(&mut self) {
-        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
+        let (report, set) = (self.base.report(), self.base.set());
         if !has_turns(set) {
             return;
         }

@@ -34,7 +34,7 @@ pub(crate) enum Mover {
     /// CST or mode 4.
     Torque,
     /// Homing by the present position, which gives no torque.
-    Nobody,
+    TorqueFree,
     /// Command frames, without a mode of CiA 402.
     Commands,
 }
@@ -48,7 +48,7 @@ impl Mover {
 
     /// Returns true if a master gives the torque, and no loop above the current loop holds the speed.
     pub(crate) const fn is_torque(self) -> bool {
-        matches!(self, Self::Torque | Self::Nobody | Self::Commands)
+        matches!(self, Self::Torque | Self::TorqueFree | Self::Commands)
     }
 }
 
@@ -66,7 +66,7 @@ impl Motion {
             profile::CSV if is_on_sensors => Mover::CyclicVelocity,
             profile::PV if is_on_sensors => Mover::ProfileVelocity,
             profile::CST | profile::TQ => Mover::Torque,
-            _ if self.profile.is_active() => Mover::Nobody,
+            _ if self.profile.is_active() => Mover::TorqueFree,
             _ => Mover::Commands,
         }
     }
@@ -141,7 +141,7 @@ impl Motion {
             Mover::MotorMeasurement => (0.0, 0.0),
             Mover::BrakeTest => (self.brake_test.current_a(), 0.0),
             Mover::Torque => (self.torque_mode_current_a(joint), f32::NAN),
-            Mover::Nobody => (0.0, f32::NAN),
+            Mover::TorqueFree => (0.0, f32::NAN),
             Mover::Commands => return joint.received.setpoint(now_us),
             _ => {
                 let command = self.velocity.command();

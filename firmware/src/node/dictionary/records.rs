@@ -35,7 +35,7 @@ macro_rules! record {
                 [$(self.$field),*]
             }
 
-            /// Returns a record with these values.
+            /// Returns the record with this word at a sub-index; `None` if there is no such entry.
             #[allow(dead_code)] // Used by some records only.
             pub(crate) fn with(&self, sub_index: u8, word: u32) -> Option<Self> {
                 let mut words = self.words();
