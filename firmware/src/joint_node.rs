@@ -21,7 +21,7 @@ pub(crate) mod sample_frames;
 pub(crate) mod seal_sensors;
 
 pub use base::JointBase;
-pub(crate) use base::larger_than_stored;
+pub(crate) use base::{StoredBlock, larger_than_stored, recall};
 pub use board::{BoardOutput, BoardState, Boot, Equipment, Identity};
 
 use crate::driver::{LoopOutput, LoopReport};

@@ -42,6 +42,34 @@ pub(crate) struct LoadedBlock {
     pub sequence: u32,
 }
 
+/// A stored block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StoredBlock {
+    /// The one that a start loads.
+    Newest,
+    /// The one that was saved before it.
+    Former,
+}
+
+/// Reads the set of a stored block, and returns the settings beside it. `None` if there is no such block, or if it is not intact
+/// or refused; the set is then undefined.
+// Not inlined: the stack of the block is free again when the set is used.
+#[inline(never)]
+pub(crate) fn recall<F: NorFlash>(
+    store: &mut Store<F>,
+    from: StoredBlock,
+    set: &mut ParameterSet,
+) -> Option<NodeSettings> {
+    let mut block = [0; MAX_BLOCK_BYTES];
+    let loaded = match from {
+        StoredBlock::Newest => store.load(&mut block),
+        StoredBlock::Former => store.load_former(&mut block),
+    };
+    let (settings, parameters) = split_block(block.get(..loaded.ok()?.length)?).ok()?;
+    set.read(parameters).ok()?;
+    Some(settings)
+}
+
 /// Returns the first quantity with which a set may compensate more friction than the set in the flash, or than the defaults if
 /// none is stored or readable.
 // Not inlined: the stack of the stored set is free again afterwards.
@@ -51,11 +79,7 @@ pub(crate) fn larger_than_stored<F: NorFlash>(
     set: &ParameterSet,
 ) -> Option<Text> {
     let mut stored = ParameterSet::default();
-    let mut block = [0; MAX_BLOCK_BYTES];
-    let loaded = store.load(&mut block).ok();
-    let parameters =
-        loaded.and_then(|loaded| Some(split_block(block.get(..loaded.length)?).ok()?.1));
-    if parameters.is_none_or(|bytes| stored.read(bytes).is_err()) {
+    if recall(store, StoredBlock::Newest, &mut stored).is_none() {
         stored = ParameterSet::default();
     }
     set.larger_quantity(&stored)

@@ -6,9 +6,9 @@
 //! and a reset ends it by itself.
 
 use super::Device;
-use super::memory::StoredBlock;
 use crate::control::PERIOD_S;
 use crate::driver::profile::stop::{StopCause, fault_cause};
+use crate::joint_node::StoredBlock;
 use crate::loop_parts::LoopParts;
 use crate::node::dictionary::records::{TrialObject, TuningObject};
 use crate::node::sdo::Abort;
