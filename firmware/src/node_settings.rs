@@ -9,7 +9,6 @@ use crate::drive_settings::DriveSettings;
 use crate::driver::REPORT_PERIOD_S;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
-use crate::node::dictionary::records::TuningObject;
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet, SetError};
 use crate::setting_error::SettingError;
 use crate::store::{IDENTITY_BYTES, Identity};
@@ -85,15 +84,18 @@ with_defaults! {
         pub proven: u32,
         /// Settings of the CiA 402 drive.
         pub drive: DriveSettings,
-        /// Record of the last tuning. The driver uses the CRC of the set before alone, the rest is for tools.
-        pub tuning: TuningObject,
+        /// Record of the last tuning.
+        pub tuning: TuningRecord,
         /// Key and policy of the service level.
         pub access: AccessSettings,
     }
 }
 
-/// Words of the record of the last tuning that are stored: all but the order to undo it.
-const TUNING_WORDS: usize = TuningObject::ENTRIES.len() - 1;
+/// Record of the last tuning: the words of 2043h:1 to 2043h:6. The driver uses [`SET_BEFORE`] alone, the rest is for tools.
+pub type TuningRecord = [u32; 6];
+
+/// Place of the CRC of the set before the tuning in a [`TuningRecord`].
+pub const SET_BEFORE: usize = 2;
 
 /// The settings that a node needs to answer on its bus.
 ///
@@ -157,7 +159,7 @@ impl NodeSettings {
     /// Length of the encoded settings without those of the tuning, bytes.
     const WITHOUT_TUNING: usize = Self::WITHOUT_ACCESS + AccessSettings::LENGTH;
     /// Length of the encoded settings, bytes.
-    pub const LENGTH: usize = Self::WITHOUT_TUNING + 4 * TUNING_WORDS;
+    pub const LENGTH: usize = Self::WITHOUT_TUNING + size_of::<TuningRecord>();
     const VERSION: u8 = 8;
     const VERSION_WITHOUT_PROFILES: u8 = 7;
     const VERSION_WITHOUT_ADAPTATION: u8 = 6;
@@ -201,8 +203,7 @@ impl NodeSettings {
         ];
         let mut bytes = [0; Self::LENGTH];
         let (words, _) = bytes.as_chunks_mut::<4>();
-        let tuning = self.tuning.words().into_iter().take(TUNING_WORDS);
-        let numbers = head.into_iter().chain(self.drive.to_words()).chain(tuning);
+        let numbers = head.into_iter().chain(self.drive.to_words()).chain(self.tuning);
         words.iter_mut().zip(numbers).for_each(|(place, word)| *place = word.to_le_bytes());
         if let Some(place) = bytes.last_chunk_mut() {
             *place = self.access.emit();
@@ -248,7 +249,9 @@ impl NodeSettings {
             + match version {
                 Self::VERSION
                 | Self::VERSION_WITHOUT_PROFILES
-                | Self::VERSION_WITHOUT_ADAPTATION => 4 * TUNING_WORDS + AccessSettings::LENGTH,
+                | Self::VERSION_WITHOUT_ADAPTATION => {
+                    size_of::<TuningRecord>() + AccessSettings::LENGTH
+                }
                 Self::VERSION_WITHOUT_TUNING => AccessSettings::LENGTH,
                 Self::VERSION_WITHOUT_ACCESS | Self::VERSION_WITHOUT_DRIVE => 0,
                 _ => return None,
@@ -260,11 +263,9 @@ impl NodeSettings {
             settings.drive = DriveSettings::parse(drive)?;
             if let Some((tuning, access)) = rest.split_last_chunk() {
                 settings.access = AccessSettings::parse(access)?;
-                let mut words = settings.tuning.words();
-                for (place, word) in words.iter_mut().zip(tuning.as_chunks().0) {
+                for (place, word) in settings.tuning.iter_mut().zip(tuning.as_chunks().0) {
                     *place = u32::from_le_bytes(*word);
                 }
-                settings.tuning = TuningObject::of(words);
             }
         }
         Some((settings, set))
@@ -397,7 +398,7 @@ mod tests {
             commissioned: 0x1234_5678,
             proven: 0x8765_4321,
             drive: DriveSettings { quick_stop_option: -1, ..DriveSettings::default() },
-            tuning: TuningObject::of([1, 2, 3, 4, 0xFFFF_FF9C, 6, 0]),
+            tuning: [1, 2, 3, 4, 0xFFFF_FF9C, 6],
             access: AccessSettings { key: Key::new([7; 16]), is_locked: false },
         };
         let mut block = emit_block(&settings, &ParameterSet::default());
@@ -428,7 +429,7 @@ mod tests {
     fn parse_of_a_block_without_adaptation_keeps_all_other_settings() {
         let access = AccessSettings { key: Key::new([7; 16]), is_locked: false };
         let drive = DriveSettings { position_gain: 7_000, ..DriveSettings::default() };
-        let tuning = TuningObject::of([1, 2, 3, 4, 5, 6, 0]);
+        let tuning = [1, 2, 3, 4, 5, 6];
         let settings = NodeSettings { drive, tuning, access, ..NodeSettings::default() };
         let mut block = old_begin(&settings);
         block[0] = NodeSettings::VERSION_WITHOUT_ADAPTATION;
@@ -440,8 +441,7 @@ mod tests {
     #[test]
     fn parse_of_a_block_without_profile_modes_has_their_defaults() {
         let drive = DriveSettings { adapt: 1, torque_slope: 7, ..DriveSettings::default() };
-        let tuning = TuningObject::of([6, 6, 6, 6, 6, 6, 0]);
-        let settings = NodeSettings { drive, tuning, ..NodeSettings::default() };
+        let settings = NodeSettings { drive, tuning: [6; 6], ..NodeSettings::default() };
         let encoded = settings.emit();
         let former = NodeSettings::HEAD + DriveSettings::LENGTH_WITHOUT_PROFILES;
         let mut block = [&encoded[..former], &encoded[NodeSettings::WITHOUT_ACCESS..]].concat();
@@ -461,7 +461,7 @@ mod tests {
         block.extend_from_slice(&access.emit());
         block.extend_from_slice(&ParameterSet::default().emit());
         assert_eq!(parse_block(&block), Ok((settings, ParameterSet::default())));
-        assert_eq!(settings.tuning, TuningObject::default());
+        assert_eq!(settings.tuning, [0; 6]);
     }
 
     #[test]

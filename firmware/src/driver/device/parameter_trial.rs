@@ -12,6 +12,7 @@ use crate::joint_node::StoredBlock;
 use crate::loop_parts::LoopParts;
 use crate::node::dictionary::records::{TrialObject, TuningObject};
 use crate::node::sdo::Abort;
+use crate::node_settings::{SET_BEFORE, TuningRecord};
 use crate::parameter_set::ParameterSet;
 use crate::store::StoreHealth;
 use crate::supervisor::ParameterSource;
@@ -243,7 +244,7 @@ impl<F: NorFlash> Device<F> {
         // The flash has lost the set since the trial began: the defaults, as at a start.
         let _ = self.base.staging.load(&[]);
         self.base.settings.drive = self.memory.defaults.drive;
-        self.base.settings.tuning = TuningObject::default();
+        self.base.settings.tuning = TuningRecord::default();
         self.build_hil();
         let _ = self.base.supervisor.configure(&self.base.staging.active().thresholds);
         self.base.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
@@ -284,19 +285,19 @@ impl<F: NorFlash> Device<F> {
     /// Writes the record of the tuning, or undoes it.
     pub(crate) fn write_tuning(&mut self, place: u8, number: u32) -> Result<(), Abort> {
         if place != TuningObject::UNDO {
-            let tuning = &mut self.base.settings.tuning;
-            *tuning = tuning.with(place, number).ok_or(Abort::NoSubIndex)?;
+            let word = self.base.settings.tuning.get_mut(usize::from(place).wrapping_sub(1));
+            *word.ok_or(Abort::NoSubIndex)? = number;
             return Ok(());
         }
         if number as u8 != UNDO {
             return Err(self.base.refuse_setting(text!("undo"), text!("1")));
         }
         self.refuse_in_trial()?;
-        if !self.adopt(StoredBlock::Former, self.base.settings.tuning.set_before_crc) {
+        if !self.adopt(StoredBlock::Former, self.base.settings.tuning[SET_BEFORE]) {
             let why = text!("the flash does not hold the set from before the tuning (2043h:3)");
             return Err(self.base.refuse(Abort::State, why));
         }
-        self.base.settings.tuning = TuningObject::default();
+        self.base.settings.tuning = TuningRecord::default();
         self.memory.is_undone = true;
         Ok(())
     }

@@ -100,7 +100,7 @@ impl<F: NorFlash> Device<F> {
             index::ADAPTATION => entry(&self.adaptation_object().words(), place),
             index::LEARNT_GAINS => entry(&self.learnt_gains(), place),
             index::GAIN_DEVIATIONS => entry(&self.gain_deviations(), place),
-            index::TUNING => entry(&settings.tuning.words(), place),
+            index::TUNING => entry(&settings.tuning, place),
             index::ACCESS => entry(&self.access_object().words(), place),
             index::NETWORK => entry(&self.network_state().words(), place),
             _ => self.base.number(at_index, place),

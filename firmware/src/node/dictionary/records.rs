@@ -37,14 +37,6 @@ macro_rules! record {
 
             /// Returns the record with this word at a sub-index; `None` if there is no such entry.
             #[allow(dead_code)] // Used by some records only.
-            pub(crate) fn with(&self, sub_index: u8, word: u32) -> Option<Self> {
-                let mut words = self.words();
-                *words.get_mut(usize::from(sub_index).wrapping_sub(1))? = word;
-                Some(Self::of(words))
-            }
-
-            /// Returns a record with these values.
-            #[allow(dead_code)]
             pub(crate) const fn of([$($field),*]: [u32; Self::ENTRIES.len()]) -> Self {
                 Self { $($field),* }
             }
@@ -117,8 +109,11 @@ impl InputsObject {
     /// Sets the entry at a sub-index and returns both words of its frame. Two consecutive entries form a
     /// frame.
     pub fn set(&mut self, sub_index: u8, word: u32) -> Option<[u32; 2]> {
-        *self = self.with(sub_index, word)?;
-        self.words().as_chunks().0.get(usize::from(sub_index - 1) / 2).copied()
+        let place = usize::from(sub_index.checked_sub(1)?);
+        let mut words = self.words();
+        *words.get_mut(place)? = word;
+        *self = Self::of(words);
+        words.as_chunks().0.get(place / 2).copied()
     }
 }
 
