@@ -34,7 +34,9 @@ pub use crate::joint_node::{Boot, Identity};
 pub use counters::Counters;
 pub use device::Device;
 pub use home::{KeptHome, MOVED_MAX_TURNS};
-pub use loop_data::{Home, LoopCommands, LoopOutput, LoopReport, REPORT_PERIOD_S, TouchEdges};
+pub use loop_data::{
+    Home, LoopCommands, LoopOutput, LoopReport, NumberedGains, REPORT_PERIOD_S, TouchEdges,
+};
 pub(crate) use loop_data::{PeriodValues, ReportStatus, ReportedAngle};
 
 use crate::joint_node::JointNode;

@@ -9,6 +9,7 @@
 
 use crate::control::{Covariates, LoopFlags};
 use crate::level_learner::{LearningSample, LevelLearner};
+use crate::node::dictionary::records::NetworkObject;
 #[cfg(feature = "fixed")]
 use compensator_core::Fixed;
 use compensator_core::adaptation::{Frozen, Gains};
@@ -17,7 +18,7 @@ use compensator_core::can::{
     TelemetryFrame,
 };
 use compensator_core::configuration::Configuration;
-use compensator_core::network::{FactorSupplier, Factors, JointNetwork};
+use compensator_core::network::{FactorSupplier, JointNetwork};
 use compensator_core::parameters::Text;
 use compensator_core::text;
 use compensator_core::{Compensator, Flags, ParameterError, Real};
@@ -111,30 +112,27 @@ impl<T: Real<Setting = f32>> SuppliedCompensator<T> {
         self.compensator.set_enabled(enabled);
     }
 
-    fn guard(&self) -> Option<NetworkGuard> {
-        let state = self.supply.as_ref()?.supplier.state();
-        let number = |value: T| value.value() as f32;
-        let [coulomb, static_level, stiffness] = state.factors.to_array().map(number);
-        Some(NetworkGuard {
-            is_outside: state.is_outside,
-            outside_count: state.outside_count,
-            share: number(state.share),
-            factors: Factors { coulomb, static_level, stiffness },
-        })
+    fn network_object(&self) -> Option<NetworkObject> {
+        self.supply.as_ref().map(|supply| network_object(&supply.supplier))
     }
 }
 
-/// Agreement of a network's inputs with the range of its training.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NetworkGuard {
-    /// The last evaluation was outside the range.
-    pub is_outside: bool,
-    /// Evaluations outside since the start.
-    pub outside_count: u32,
-    /// Weight of the network, from 0 (constants of the law) to 1.
-    pub share: f32,
-    /// The factors in use.
-    pub factors: Factors<f32>,
+/// Returns the state of a network (200Bh).
+pub(crate) fn network_object<T: Real<Setting = f32>>(
+    supplier: &FactorSupplier<T>,
+) -> NetworkObject {
+    let state = supplier.state();
+    let bits = |value: T| (value.value() as f32).to_bits();
+    let [coulomb_factor, static_factor, stiffness_factor] = state.factors.to_array().map(bits);
+    NetworkObject {
+        present: 1,
+        outside: state.is_outside.into(),
+        outside_count: state.outside_count,
+        share: bits(state.share),
+        coulomb_factor,
+        static_factor,
+        stiffness_factor,
+    }
 }
 
 /// The answer of a joint to a SYNC.
@@ -156,7 +154,7 @@ impl HilReply {
         telemetry: TelemetryFrame { current_a: 0.0, residual_torque_nm: f32::NAN },
     };
 
-    /// Returns all values as words, in the order of the frames.
+    /// Returns all values as words, in the order of the frames, which is that of 2005h.
     pub fn words(&self) -> [u32; 6] {
         [
             self.answer.friction_torque_nm.to_bits(),
@@ -255,13 +253,13 @@ impl HilJoint {
         }
     }
 
-    /// Returns the state of the network's input guard; `None` without a network.
-    pub fn network_guard(&self) -> Option<NetworkGuard> {
+    /// Returns the state of the network (200Bh); `None` without one.
+    pub(crate) fn network_object(&self) -> Option<NetworkObject> {
         match &self.compensator {
             HilCompensator::Absent => None,
-            HilCompensator::Float(joint) => joint.guard(),
+            HilCompensator::Float(joint) => joint.network_object(),
             #[cfg(feature = "fixed")]
-            HilCompensator::Fixed(joint) => joint.guard(),
+            HilCompensator::Fixed(joint) => joint.network_object(),
         }
     }
 
@@ -306,7 +304,7 @@ impl HilJoint {
         learner: &mut LevelLearner,
         blocked: Option<Frozen>,
     ) -> HilStep {
-        self.set_gains(&learner.gains().1);
+        self.set_gains(&learner.gains());
         self.step(sync, Some((learner, blocked)))
     }
 

@@ -16,9 +16,12 @@ pub(crate) mod compensation_share;
 pub(crate) mod current_loop;
 pub(crate) mod history;
 pub(crate) mod objects;
+pub(crate) mod refusals;
+pub(crate) mod sample_frames;
 pub(crate) mod seal_sensors;
 
 pub use base::JointBase;
+pub(crate) use base::{StoredBlock, larger_than_stored, recall};
 pub use board::{BoardOutput, BoardState, Boot, Equipment, Identity};
 
 use crate::driver::{LoopOutput, LoopReport};
@@ -54,6 +57,9 @@ pub trait Joint: Objects + Sized {
 
     /// Takes what the board has.
     fn equip(&mut self, _equipment: Equipment) {}
+
+    /// Returns the flash, on a PC.
+    fn flash(&self) -> &Self::Flash;
 
     /// Returns what every joint has.
     fn base(&mut self) -> &mut JointBase;

@@ -179,9 +179,14 @@ impl LevelLearner {
         self.covariates = *covariates;
     }
 
-    /// Returns the gains in use, and their number.
-    pub fn gains(&self) -> (u32, Gains<f32>) {
-        (self.number, self.learner.as_ref().map(|learner| *learner.gains()).unwrap_or_default())
+    /// Returns the gains in use.
+    pub fn gains(&self) -> Gains<f32> {
+        self.learner.as_ref().map(|learner| *learner.gains()).unwrap_or_default()
+    }
+
+    /// Returns the number of the gains in use, which changes with them.
+    pub(crate) const fn number(&self) -> u32 {
+        self.number
     }
 
     /// Processes a sample; `blocked` is a reason of the driver to learn nothing.

@@ -7,7 +7,8 @@
 
 use crate::control::probe::ProbeReport;
 use crate::driver::{
-    LoopCommands, LoopOutput, LoopReport, PeriodValues, REPORT_PERIOD_S, ReportStatus,
+    LoopCommands, LoopOutput, LoopReport, NumberedGains, PeriodValues, REPORT_PERIOD_S,
+    ReportStatus,
 };
 use crate::loop_parts::{LoopParts, StageTraits};
 use crate::parameter_set::ParameterSet;
@@ -49,7 +50,7 @@ impl LoopQueues {
         let (parts_out, parts_in) = self.parts.split();
         let (gains_out, gains_in) = self.gains.split();
         let (reports_out, reports_in) = self.reports.split();
-        let (scope_out, scope) = self.scope.split();
+        let (scope_out, scope_in) = self.scope.split();
         let port = LoopPort {
             commands: commands_in,
             parts: parts_in,
@@ -57,25 +58,20 @@ impl LoopQueues {
             reports: reports_out,
             scope: scope_out,
         };
-        let last = LoopReport::default();
-        let (commands, parts, reports) = (commands_out, parts_out, reports_in);
-        let gains = gains_out;
-        (
-            port,
-            LoopLink {
-                commands,
-                parts,
-                gains,
-                reports,
-                scope,
-                last,
-                reported_us: now_us,
-                has_reported: false,
-                set_number: 0,
-                gains_number: 0,
-                stage,
-            },
-        )
+        let link = LoopLink {
+            commands: commands_out,
+            parts: parts_out,
+            gains: gains_out,
+            reports: reports_in,
+            scope: scope_in,
+            last: LoopReport::default(),
+            reported_us: now_us,
+            has_reported: false,
+            set_number: 0,
+            gains_number: 0,
+            stage,
+        };
+        (port, link)
     }
 }
 
@@ -230,7 +226,7 @@ impl LoopLink<'_> {
         }
         // If the queue is full, the loop does not run, and its set-point goes stale there.
         let _ = self.commands.enqueue(commands);
-        if let Some((number, gains)) = output.gains
+        if let Some(NumberedGains { number, gains }) = output.gains
             && number != self.gains_number
             && self.parts.ready()
             && self.gains.enqueue(gains).is_ok()
@@ -267,7 +263,7 @@ mod tests {
             touch: Default::default(),
             has_probe: false,
         };
-        port.reports.values.enqueue(PeriodValues::NONE).unwrap();
+        port.reports.values.enqueue(PeriodValues::default()).unwrap();
         assert_eq!(age_us(&mut link, 1000), Some(0), "a report without its last part");
         port.reports.statuses.enqueue(status).unwrap();
         assert_eq!(age_us(&mut link, 1000), Some(0));

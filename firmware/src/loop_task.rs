@@ -98,7 +98,7 @@ impl LoopTask {
             touch: TouchEdges::default(),
             loop_flags: LoopFlags::empty(),
             compensator_flags: Flags::empty(),
-            values: PeriodValues::NONE,
+            values: PeriodValues::default(),
             report_step: ReportStep::Collect,
             has_sent_probe: false,
             has_taken_measurements: false,

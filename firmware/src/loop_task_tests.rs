@@ -3,7 +3,7 @@
 use super::*;
 use crate::control::probe::{BLOCK_PERIODS, ProbeCommand, ProbeReport};
 use crate::control::{Covariates, PERIOD_S, Setpoint, ValidChannels};
-use crate::driver::{Home, LoopOutput, LoopReport};
+use crate::driver::{Home, LoopOutput, LoopReport, NumberedGains};
 use crate::loop_link::LoopQueues;
 use crate::loop_parts::StageTraits;
 use crate::parameter_set::ParameterSet;
@@ -346,16 +346,6 @@ fn parts_to_measure_only_never_drive_and_report_no_internal_error() {
 }
 
 #[test]
-fn build_of_parts_with_invalid_set_names_the_field() {
-    let mut set = ParameterSet::default();
-    set.motor.current_bandwidth_hz = 5000.0;
-    assert_eq!(
-        LoopParts::build(&set, StageTraits::NONE, PERIOD_S).unwrap_err().field,
-        "current_bandwidth_hz"
-    );
-}
-
-#[test]
 fn home_position_is_applied_once_per_number() {
     let mut bench = Bench::new();
     assert!(bench.next_report().position_rad.is_nan(), "whole turns are not known");
@@ -377,35 +367,6 @@ fn home_position_is_applied_once_per_number() {
     assert!((moved_rad + 0.5).abs() > 1e-3, "{moved_rad}");
     bench.task.apply_commands(home(2));
     assert!((bench.next_report().position_rad + 0.5).abs() < 1e-4);
-}
-
-/// Checks the stage of the STM32G474: 0.5 us of dead time and 1.5 us of settling leave 84 % of the circle. The
-/// encoder age of 52 us adds to the delay of the encoder.
-#[test]
-fn stage_traits_limit_modulation_and_add_to_the_encoder_delay() {
-    let (dead_s, settle_s) = (0.5e-6, 1.5e-6);
-    let most = StageTraits::max_modulation(PERIOD_S, dead_s, settle_s);
-    assert!((0.83..0.85).contains(&most), "{most}");
-    // At the largest duty the low side conducts just long enough before the sample.
-    let duty = (1.0 + most) / 2.0;
-    let conducts_s = (1.0 - duty) * PERIOD_S / 2.0 - dead_s;
-    assert!((conducts_s - settle_s).abs() < 1e-8, "{conducts_s}");
-
-    let stage = StageTraits { encoder_age_s: 52e-6, modulation_max: most, ..StageTraits::NONE };
-    let mut set = ParameterSet::default();
-    let built = |set: &ParameterSet, stage| LoopParts::build(set, stage, PERIOD_S).unwrap().motor;
-    set.motor.modulation_max = 0.95;
-    let mut meant = set.clone();
-    meant.motor.modulation_max = most;
-    meant.motor.encoder_delay_s = 52e-6;
-    assert_eq!(built(&set, stage), built(&meant, StageTraits::NONE));
-    // A modulation below the bound is kept, and the sensor's own delay is added.
-    set.motor.modulation_max = 0.5;
-    set.motor.encoder_delay_s = 100e-6;
-    meant.motor.modulation_max = 0.5;
-    meant.motor.encoder_delay_s = 152e-6;
-    let (found, expected) = (built(&set, stage), built(&meant, StageTraits::NONE));
-    assert_eq!(found, expected);
 }
 
 /// A stage with a healthy sample and nothing behind its outputs.
@@ -480,7 +441,8 @@ fn scope_signal_of_the_gain_follows_the_loop_and_is_one_after_a_swap() {
         signal::value(number, &task.values)
     };
     assert_eq!(recorded(&mut port), 1.0);
-    let gains = Some((1, Gains { level: 1.25, ..Gains::default() }));
+    let learnt = Gains { level: 1.25, ..Gains::default() };
+    let gains = Some(NumberedGains { number: 1, gains: learnt });
     link.send(&LoopOutput { commands: drive(1.0), gains }, &ParameterSet::default());
     assert_eq!(recorded(&mut port), 1.25);
     let commands = LoopCommands { set_number: 1, ..drive(1.0) };

@@ -189,11 +189,13 @@ impl Network {
     /// if the frame is one.
     pub fn on_heartbeat(&mut self, frame: &Frame, awaited: u32, now_us: u64) -> bool {
         let producer = (awaited >> 16) as u16 & 0x7F;
-        let is_monitored = awaited != 0 && frame.identifier() == HEARTBEAT_COB_BASE + producer;
-        if is_monitored && frame.data().len() == 1 {
+        let is_heartbeat = awaited != 0
+            && frame.identifier() == HEARTBEAT_COB_BASE + producer
+            && frame.data().len() == 1;
+        if is_heartbeat {
             self.heartbeat_us = Some(now_us);
         }
-        is_monitored
+        is_heartbeat
     }
 
     /// Returns true if the monitored heartbeat was received once and has been missing for longer than its

@@ -6,6 +6,7 @@
 
 use crate::access::AccessSettings;
 use crate::drive_settings::DriveSettings;
+use crate::driver::REPORT_PERIOD_S;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet};
@@ -163,6 +164,19 @@ impl NodeSettings {
     const VERSION_WITHOUT_TUNING: u8 = 5;
     const VERSION_WITHOUT_ACCESS: u8 = 4;
     const VERSION_WITHOUT_DRIVE: u8 = 3;
+
+    /// Returns true for a joint in HIL, whose inputs come over the bus.
+    pub const fn is_in_hil(&self) -> bool {
+        matches!(self.source, InputSource::Bus)
+    }
+
+    /// Returns the time from one sample of the joint to the next, s: a report of the loop, or a SYNC in HIL.
+    pub const fn sample_period_s(&self) -> f32 {
+        match self.source {
+            InputSource::Sensors => REPORT_PERIOD_S,
+            InputSource::Bus => self.period_s,
+        }
+    }
 
     /// Returns the setup of a joint in HIL.
     pub fn hil_setup(&self) -> HilSetup {

@@ -1,6 +1,7 @@
 //! State of a compact node behind its objects, and its periodic work.
 
 use crate::driver::{LoopOutput, LoopReport};
+use crate::joint_node::sample_frames::SYNC_ORDER;
 use crate::joint_node::{BoardOutput, BoardState, Boot, Identity, Joint, JointBase};
 use crate::node::{Emergency, Network, NmtAction};
 use crate::node_settings::{InputSource, NodeSettings};
@@ -11,7 +12,7 @@ use compensator_core::can::{Frame, NodeId, SampleAssembler, SyncFrame, cob_id};
 use embedded_storage::nor_flash::NorFlash;
 
 /// Number of frames at a SYNC.
-pub(super) const SYNC_FRAMES: usize = 5;
+const SYNC_FRAMES: usize = SYNC_ORDER.len();
 
 /// All parts of a compact node except its network state and its object server.
 #[derive(Debug)]
@@ -33,11 +34,6 @@ impl<F: NorFlash> Device<F> {
     /// Returns the supervisor.
     pub const fn supervisor(&self) -> &Supervisor {
         &self.base.supervisor
-    }
-
-    /// Returns the flash.
-    pub fn flash(&self) -> &F {
-        self.store.flash()
     }
 
     /// Returns to the defaults of the communication.
@@ -73,6 +69,10 @@ impl<F: NorFlash> Joint for Device<F> {
         }
         self.base.start(boot, self.store.health(), loaded.parameters);
         self.restart_communication();
+    }
+
+    fn flash(&self) -> &F {
+        self.store.flash()
     }
 
     fn base(&mut self) -> &mut JointBase {

@@ -95,7 +95,7 @@ impl<F: NorFlash> Device<F> {
             _ => {
                 let why =
                     text!("a compact node sends a PDO at every n-th SYNC: sub-index 2 = 1 to 240");
-                Err(self.base.staging.refuse(Abort::Value, why))
+                Err(self.base.refuse(Abort::Value, why))
             }
         }
     }
@@ -115,7 +115,7 @@ impl<F: NorFlash> Device<F> {
                 return Ok(());
             }
             let why = text!("a compact node has no HIL and sends no CAN FD");
-            return Err(self.base.staging.refuse(Abort::Value, why));
+            return Err(self.base.refuse(Abort::Value, why));
         }
         let changed = self.base.changed_settings(at, number)?;
         self.base.check_settings(&changed)?;

@@ -1,21 +1,13 @@
 //! Process frames: the inputs of a sample, and what is sent at a SYNC. They are those of `joint.dbc`.
 
-use super::device::{Device, SYNC_FRAMES};
+use super::device::Device;
 use crate::driver::counters::count;
+use crate::joint_node::sample_frames::{ANSWER, MOTION, SLOW_TYPE, STATUS, SYNC_ORDER, TELEMETRY};
 use compensator_core::can::{
     AnswerFrame, Frame, Message, MotionFrame, NodeId, StatusFrame, SyncFrame, SyncOutcome,
     TelemetryFrame, TorqueFrame, cob_id,
 };
 use embedded_storage::nor_flash::NorFlash;
-
-/// Motion is sent at every SYNC, and the other frames by default at every n-th, as by the whole driver.
-const SLOW_TYPE: u8 = 10;
-
-/// Places of the frames of a sample: those of their transmit PDOs (1800h to 1804h).
-const TELEMETRY: usize = 2;
-const MOTION: usize = 3;
-/// Order at a SYNC: what was measured, then what was computed.
-const SYNC_ORDER: [usize; SYNC_FRAMES] = [3, 4, 0, 1, 2];
 
 impl<F: NorFlash> Device<F> {
     /// Processes a frame that is neither of the network nor a request of an object.
@@ -81,16 +73,16 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn sample_frame(&self, slot: usize, sequence: u32, node: NodeId) -> Message {
-        let report = self.base.current_loop.report();
+        let report = self.base.report();
         match slot {
-            0 => Message::Answer(
+            ANSWER => Message::Answer(
                 node,
                 AnswerFrame {
                     friction_torque_nm: report.friction_torque_nm,
                     feed_forward_current_a: report.feed_forward_current_a,
                 },
             ),
-            1 => Message::Status(node, StatusFrame { flags: report.flags, sequence }),
+            STATUS => Message::Status(node, StatusFrame { flags: report.flags, sequence }),
             TELEMETRY => Message::Telemetry(
                 node,
                 TelemetryFrame {

@@ -1,11 +1,10 @@
 //! Requests of a tool to a compact node, and their refusals.
 
 use super::device::Device;
+use crate::joint_node::larger_than_stored;
 use crate::node::sdo::Abort;
-use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings, emit_block};
+use crate::node_settings::{NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
-use crate::supervisor::Code;
-use compensator_core::parameters::Text;
 use compensator_core::refusal;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -18,40 +17,19 @@ impl<F: NorFlash> Device<F> {
                 Ok(())
             }
             1 => self.arm(),
-            2 => self.base.supervisor.clear_faults().map_err(|left| {
-                self.base.blocking = left.fault_bits();
-                if left.contains(Code::GateDriverFault) {
-                    self.base.current_loop.reset_gate_driver();
-                }
-                self.base.staging.refuse(Abort::State, self.base.supervisor.remaining(left))
-            }),
-            _ => Err(self.base.staging.refuse_request(request)),
+            2 => self.base.clear_faults(),
+            _ => Err(self.base.refuse_request(request)),
         }
     }
 
     /// Arms the joint. A compact node has torque modes only, and no lock: it compensates at most what someone has saved, while
     /// disarmed, for every later start.
     fn arm(&mut self) -> Result<(), Abort> {
-        if let Some(larger) = self.larger_than_stored() {
+        if let Some(larger) = larger_than_stored(&mut self.store, self.base.set()) {
             let why = refusal!("{name}: larger than stored: save the set first (1010h:1)", larger);
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         self.base.arm()
-    }
-
-    /// Returns the first quantity of the active set with which it compensates more than the set in the flash.
-    // Not inlined: the stack of the stored set is free again afterwards.
-    #[inline(never)]
-    fn larger_than_stored(&mut self) -> Option<Text> {
-        let mut stored = ParameterSet::default();
-        let mut block = [0; MAX_BLOCK_BYTES];
-        let loaded = self.store.load(&mut block).ok();
-        let parameters =
-            loaded.and_then(|loaded| Some(NodeSettings::split(block.get(..loaded.length)?)?.1));
-        if parameters.is_none_or(|bytes| stored.read(bytes).is_err()) {
-            stored = ParameterSet::default();
-        }
-        self.base.staging.active().larger_quantity(&stored)
     }
 
     /// Makes the staged set the active one.
@@ -67,7 +45,7 @@ impl<F: NorFlash> Device<F> {
     /// rights of the object ensure it.
     pub(super) fn save(&mut self) -> Result<(), Abort> {
         let (block, settings) =
-            (emit_block(&self.base.settings, self.base.staging.active()), self.base.settings);
+            (emit_block(&self.base.settings, self.base.set()), self.base.settings);
         self.write_block(&block, &settings)
     }
 
@@ -81,6 +59,6 @@ impl<F: NorFlash> Device<F> {
     fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
         let saved = self.store.save(block, &settings.identity());
         self.base.supervisor.set_store_health(self.store.health());
-        saved.map(drop).map_err(|error| self.base.staging.refuse(Abort::Hardware, error))
+        saved.map(drop).map_err(|error| self.base.refuse(Abort::Hardware, error))
     }
 }

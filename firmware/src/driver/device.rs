@@ -21,7 +21,6 @@ mod terms;
 mod touch_probe;
 mod trend;
 mod turn_readings;
-pub(crate) mod values;
 
 use super::counters::Counters;
 use super::loop_data::{LoopCommands, LoopOutput, LoopReport};
@@ -33,7 +32,7 @@ use crate::level_learner::LevelLearner;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::lss::Lss;
 use crate::node::{Emergency, Network, NmtAction};
-use crate::node_settings::{InputSource, NodeSettings};
+use crate::node_settings::NodeSettings;
 use crate::parameter_set::ParameterSet;
 use crate::scope::{Scope, ScopeRow};
 use crate::sensors::{LocalReadings, enclosure};
@@ -103,11 +102,6 @@ impl<F: NorFlash> Device<F> {
         self.base.staging.active()
     }
 
-    /// Returns the flash.
-    pub fn flash(&self) -> &F {
-        self.memory.store.flash()
-    }
-
     /// Returns the flash, for a simulated fault.
     pub fn flash_mut(&mut self) -> &mut F {
         self.memory.store.flash_mut()
@@ -127,7 +121,7 @@ impl<F: NorFlash> Device<F> {
     fn observation(&self, heartbeat_lost: bool) -> Observation {
         let mut observation = self.base.observation(heartbeat_lost);
         // A joint in HIL has no bridge to supervise.
-        if self.base.settings.source == InputSource::Sensors {
+        if !self.base.settings.is_in_hil() {
             self.base.observe_report(&mut observation);
             observation.position_missing = self.motion.is_position_missing(&self.base);
             observation.following_error =
@@ -176,24 +170,25 @@ impl<F: NorFlash> Device<F> {
 
     /// Evaluates a report for over-compensation.
     fn step_over_compensation(&mut self) {
-        let is_compensated = self.base.settings.source == InputSource::Sensors
+        let is_compensated = !self.base.settings.is_in_hil()
             && self.base.supervisor.is_compensation_allowed()
             && !self.motion.is_commissioning();
-        let by_a = self.set().friction.compensator.torque_constant_nm_per_a;
-        let is_offset = self.motion.profile.mode == profile::CST;
-        let offset_nm =
-            if is_offset { by_a * self.motion.offset_current_a(&self.base) } else { 0.0 };
-        let offset_nm = self.motion.mover(&self.base).is_torque().then_some(offset_nm);
+        let offset_nm = self.motion.mover(&self.base).is_torque().then(|| {
+            // The other torque modes have no offset.
+            let is_offset = self.motion.profile.mode == profile::CST;
+            let offset_a = if is_offset { self.motion.offset_current_a(&self.base) } else { 0.0 };
+            self.set().friction.compensator.torque_constant_nm_per_a * offset_a
+        });
         let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
         self.base.compensation.step(report, set, is_compensated, offset_nm);
     }
 
     /// Returns the commands for the current loop.
     pub fn loop_commands(&self, now_us: u64) -> LoopCommands {
-        let drives = self.base.settings.source == InputSource::Sensors;
+        let drives = !self.base.settings.is_in_hil();
         let commands = self.base.loop_commands(now_us);
         let shorts = commands.brake
-            || self.motion.stopping.shorts_low_sides() && self.base.supervisor.is_braking_allowed();
+            || self.motion.stopping.shorts_low_sides && self.base.supervisor.is_braking_allowed();
         LoopCommands {
             setpoint: self.motion.setpoint(&self.base, now_us),
             bridge: drives && commands.bridge,
@@ -202,7 +197,7 @@ impl<F: NorFlash> Device<F> {
                 && commands.compensation
                 && !self.motion.is_commissioning()
                 && !self.motion.brake_test.is_running(),
-            probe: self.motion.probe(),
+            probe: self.motion.commissioning.run.probe_command(),
             scope: self.scope.order(),
             ..commands
         }
@@ -236,6 +231,10 @@ impl<F: NorFlash> Joint for Device<F> {
         if let Some(seed) = equipment.seed {
             self.lock.seed(seed);
         }
+    }
+
+    fn flash(&self) -> &F {
+        self.memory.store.flash()
     }
 
     fn base(&mut self) -> &mut JointBase {
@@ -305,7 +304,7 @@ impl<F: NorFlash> Joint for Device<F> {
         self.enclosure = state.enclosure;
         self.turn_readings.words = state.biss;
         self.joint_encoder.words = state.joint_words;
-        self.motion.take_hall(state.hall);
+        self.motion.commissioning.run.take_hall(state.hall);
     }
 
     fn report(&mut self, report: &LoopReport) {
@@ -327,7 +326,7 @@ impl<F: NorFlash> Joint for Device<F> {
         self.step_touch_probes();
         self.step_joint_encoder();
         self.base.supervisor.record_overruns(report.overruns_in_a_row);
-        if self.base.settings.source == InputSource::Sensors
+        if !self.base.settings.is_in_hil()
             && let Some(watch) = &mut self.base.watch
         {
             let valid = report.residual_torque_nm.is_finite() && !is_testing;

@@ -55,8 +55,17 @@ pub struct LoopCommands {
 pub struct LoopOutput {
     /// Commands, with the factors of a network.
     pub commands: LoopCommands,
-    /// Gains that the adaptation has learnt, and their number.
-    pub gains: Option<(u32, Gains<f32>)>,
+    /// Gains that the adaptation has learnt; `None` for a driver without one.
+    pub gains: Option<NumberedGains>,
+}
+
+/// Learnt gains on the sizes of the model.
+#[derive(Clone, Copy, Debug)]
+pub struct NumberedGains {
+    /// Changes with the gains, so that the loop receives each once.
+    pub number: u32,
+    /// The gains.
+    pub gains: Gains<f32>,
 }
 
 /// Position of the joint, set by a caller who knows it. An encoder on the motor gives the angle within a motor
@@ -144,42 +153,33 @@ with_defaults! {
     /// Nothing is measured and there are no faults.
 }
 
-/// Values of one period: the first part of a report. The interrupt sends a report in parts, each in a period of its own.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PeriodValues {
-    /// See [`LoopReport::bus_voltage_v`]; NaN if it was invalid.
-    pub bus_voltage_v: f32,
-    /// See [`LoopReport::phase_currents_a`]; NaN if they were invalid.
-    pub phase_currents_a: [f32; 3],
-    /// See [`LoopReport::current_a`].
-    pub current_a: f32,
-    /// See [`LoopReport::current_d_a`].
-    pub current_d_a: f32,
-    /// See [`LoopReport::current_reference_a`].
-    pub current_reference_a: f32,
-    /// See [`LoopReport::voltage_q_v`].
-    pub voltage_q_v: f32,
-    /// See [`LoopReport::velocity_rad_s`].
-    pub velocity_rad_s: f32,
-    /// See [`LoopReport::turned_rad`].
-    pub turned_rad: f32,
-    /// See [`LoopReport::rotor_angle`].
-    pub rotor: ReportedAngle,
-    /// See [`LoopReport::motor_torque_nm`].
-    pub motor_torque_nm: f32,
-    /// See [`LoopReport::friction_torque_nm`].
-    pub friction_torque_nm: f32,
-    /// See [`LoopReport::feed_forward_current_a`].
-    pub feed_forward_current_a: f32,
-    /// See [`LoopReport::residual_torque_nm`].
-    pub residual_torque_nm: f32,
-    /// Gain on the levels of the tuned set in use.
-    pub level_gain: f32,
+with_defaults! {
+    /// Values of one period: the first part of a report. The interrupt sends a report in parts, each in a period of its own.
+    /// Its fields are those of [`LoopReport`]. What was invalid in this period is NaN.
+    #[derive(Clone, Copy, Debug)]
+    pub(crate) struct PeriodValues {
+        pub bus_voltage_v: f32 = f32::NAN,
+        pub phase_currents_a: [f32; 3] = [f32::NAN; 3],
+        pub current_a: f32,
+        pub current_d_a: f32,
+        pub current_reference_a: f32,
+        pub voltage_q_v: f32,
+        pub velocity_rad_s: f32,
+        pub turned_rad: f32,
+        pub rotor: ReportedAngle,
+        pub motor_torque_nm: f32 = f32::NAN,
+        pub friction_torque_nm: f32,
+        pub feed_forward_current_a: f32,
+        pub residual_torque_nm: f32 = f32::NAN,
+        /// Gain on the levels of the tuned set in use.
+        pub level_gain: f32 = 1.0,
+    }
+    /// Before the first report.
 }
 
 /// Angle of the rotor, and whether whole turns are known: its lowest bit. The values of a period are copied in the interrupt,
 /// by a call instead of in place if they take more than 64 bytes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ReportedAngle(u32);
 
 impl ReportedAngle {
@@ -198,26 +198,6 @@ impl ReportedAngle {
 }
 
 const _: () = assert!(size_of::<PeriodValues>() <= 64, "copied by a call");
-
-impl PeriodValues {
-    /// Before the first report.
-    pub(crate) const NONE: Self = Self {
-        bus_voltage_v: f32::NAN,
-        phase_currents_a: [f32::NAN; 3],
-        current_a: 0.0,
-        current_d_a: 0.0,
-        current_reference_a: 0.0,
-        voltage_q_v: 0.0,
-        velocity_rad_s: 0.0,
-        turned_rad: 0.0,
-        rotor: ReportedAngle::new(0, false),
-        motor_torque_nm: f32::NAN,
-        friction_torque_nm: 0.0,
-        feed_forward_current_a: 0.0,
-        residual_torque_nm: f32::NAN,
-        level_gain: 1.0,
-    };
-}
 
 /// Flags and counts since the last report: the last part of a report. Its fields are those of [`LoopReport`].
 #[derive(Clone, Copy, Debug)]

@@ -20,21 +20,20 @@ mod velocity;
 use super::commissioning::AbortReason;
 use super::profile::Profile;
 use crate::joint_node::JointBase;
+use crate::joint_node::refusals::ARMED;
 use crate::node::sdo::Abort;
 use crate::supervisor::Code;
 use brake_test::BrakeTest;
 use commissioning::Run;
 use compensator_core::parameters::reason::Reason;
-use compensator_core::text;
 pub(super) use drive::Target;
-use drive::Targets;
 use offsets::Offsets;
 use position::PositionControl;
 use profile_modes::ProfileModes;
 use stopping::Stopping;
 use velocity::VelocityControl;
 
-/// A refusal: the abort code, and the reason that 2028h tells.
+/// A refusal: the abort code, and the reason for 2028h.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Refused {
     pub(crate) abort: Abort,
@@ -49,8 +48,7 @@ impl Refused {
 
     /// The bridge is in use.
     pub(super) fn armed() -> Self {
-        let why = text!("the joint is armed, and nothing is written then: disarm first");
-        Self::new(Abort::State, why)
+        Self::new(Abort::State, ARMED)
     }
 }
 
@@ -74,7 +72,8 @@ pub(super) struct Orders {
 #[derive(Debug, Default)]
 #[repr(C)]
 pub(super) struct Motion {
-    pub(super) targets: Targets,
+    /// Time of the last target, us; `None` if none came since the mode or a setting changed.
+    pub(super) target_us: Option<u64>,
     pub(super) offsets: Offsets,
     pub(super) velocity: VelocityControl,
     pub(super) modes: ProfileModes,

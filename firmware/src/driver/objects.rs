@@ -39,8 +39,8 @@ impl<F: NorFlash> Objects for Device<F> {
         }
     }
 
-    fn begin_stream(&mut self, at: Address, _declared: Option<usize>) -> Result<bool, Abort> {
-        Ok(at.index == index::PROGRAM_DATA)
+    fn takes_parts(&self, at: Address) -> bool {
+        at.index == index::PROGRAM_DATA
     }
 
     fn write_part(&mut self, at: Address, _offset: usize, part: &[u8]) -> Result<(), Abort> {
@@ -72,10 +72,7 @@ impl<F: NorFlash> Objects for Device<F> {
             _ => return Ok(None),
         }
         match self.scope.readable_bytes() {
-            0 => Err(self
-                .base
-                .staging
-                .refuse(Abort::Refused, text!("the scope has no complete capture"))),
+            0 => Err(self.base.refuse(Abort::Refused, text!("the scope has no complete capture"))),
             length => Ok(Some(length)),
         }
     }

@@ -79,9 +79,14 @@ impl Staging {
         &self.active
     }
 
-    /// Returns the CRCs of the active set and of the staged one: see [`ParameterSet::crc`].
-    pub fn crcs(&self) -> (u32, u32) {
-        (self.active.crc(), self.staged.crc())
+    /// Returns the CRC of the active set: see [`ParameterSet::crc`].
+    pub fn active_crc(&self) -> u32 {
+        self.active.crc()
+    }
+
+    /// Returns the CRC of the staged set.
+    pub fn staged_crc(&self) -> u32 {
+        self.staged.crc()
     }
 
     /// Returns the CRC of the wiring parameters in use: see [`ParameterSet::wiring_crc`].
@@ -328,13 +333,6 @@ impl Staging {
             wiring
         );
         Err(self.refuse(Abort::Value, why))
-    }
-
-    /// Refuses a request to the state machine that does not exist.
-    pub fn refuse_request(&mut self, request: u8) -> Abort {
-        let why =
-            refusal!("request = {u32}: must be 0 (disarm), 1 (arm) or 2 (clear faults)", request);
-        self.refuse(Abort::Value, why)
     }
 
     /// Makes the staged set the active one.

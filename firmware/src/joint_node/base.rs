@@ -11,7 +11,7 @@ use super::seal_sensors::SealSensors;
 use super::{BoardState, Boot, Identity};
 use crate::control::PERIOD_S;
 use crate::driver::counters::{Counters, count};
-use crate::driver::loop_data::{LoopCommands, LoopReport, REPORT_PERIOD_S};
+use crate::driver::loop_data::{LoopCommands, LoopReport};
 use crate::driver::motor_watch::{MotorState, MotorWatch};
 use crate::driver::received::{CommandSequence, ReceivedInputs};
 use crate::driver::staging::Staging;
@@ -28,6 +28,7 @@ use crate::supervisor::{
 };
 use crate::watch::{ResidualWatch, WatchParameters};
 use compensator_core::can::{Frame, Message, NodeId};
+use compensator_core::parameters::Text;
 use compensator_core::refusal;
 use embedded_storage::nor_flash::NorFlash;
 
@@ -39,6 +40,49 @@ pub(crate) struct LoadedBlock {
     pub settings: Option<NodeSettings>,
     /// Sequence number of the block.
     pub sequence: u32,
+}
+
+/// A stored block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StoredBlock {
+    /// The one that a start loads.
+    Newest,
+    /// The one that was saved before it.
+    Former,
+}
+
+/// Reads the set of a stored block, and returns the settings beside it. `None` if there is no such block, or if it is not intact
+/// or refused; the set is then undefined.
+// Not inlined: the stack of the block is free again when the set is used.
+#[inline(never)]
+pub(crate) fn recall<F: NorFlash>(
+    store: &mut Store<F>,
+    from: StoredBlock,
+    set: &mut ParameterSet,
+) -> Option<NodeSettings> {
+    let mut block = [0; MAX_BLOCK_BYTES];
+    let loaded = match from {
+        StoredBlock::Newest => store.load(&mut block),
+        StoredBlock::Former => store.load_former(&mut block),
+    };
+    let (settings, parameters) = NodeSettings::split(block.get(..loaded.ok()?.length)?)?;
+    set.read(parameters).ok()?;
+    Some(settings)
+}
+
+/// Returns the first quantity with which a set may compensate more friction than the set in the flash, or than the defaults if
+/// none is stored or readable.
+// Not inlined: the stack of the stored set is free again afterwards.
+#[inline(never)]
+pub(crate) fn larger_than_stored<F: NorFlash>(
+    store: &mut Store<F>,
+    set: &ParameterSet,
+) -> Option<Text> {
+    let mut stored = ParameterSet::default();
+    if recall(store, StoredBlock::Newest, &mut stored).is_none() {
+        stored = ParameterSet::default();
+    }
+    set.larger_quantity(&stored)
 }
 
 /// The watch of the motor with its last result, and the wiring that was measured.
@@ -105,7 +149,7 @@ impl JointBase {
             watch: None,
             received: ReceivedInputs::default(),
             // Inputs before any frame: every float is NaN.
-            inputs: InputsObject::filled(f32::NAN.to_bits()),
+            inputs: InputsObject::of([f32::NAN.to_bits(); InputsObject::ENTRIES.len()]),
             current_loop: LoopExchange::default(),
             counters: Counters::default(),
             name,
@@ -140,7 +184,7 @@ impl JointBase {
     /// Returns true if the joint is armed, on its own sensors or in HIL.
     // Not inlined, to reduce the size of the image, like all small functions below with this attribute.
     #[inline(never)]
-    pub(crate) fn is_armed(&self) -> bool {
+    pub fn is_armed(&self) -> bool {
         self.supervisor.is_armed() || self.is_hil_armed
     }
 
@@ -197,13 +241,13 @@ impl JointBase {
         let parts = block.get(..set.length).and_then(NodeSettings::split);
         let Some((settings, parameters)) = parts else {
             let why = refusal!("stored settings are of another version or out of range");
-            self.staging.refuse(Abort::Value, why);
+            self.refuse(Abort::Value, why);
             return unknown(ParameterSource::DefaultRefused);
         };
         let parameters = match self.staging.load(parameters) {
             Ok(()) => ParameterSource::Set,
             Err(error) => {
-                self.staging.refuse(Abort::Value, error);
+                self.refuse(Abort::Value, error);
                 ParameterSource::DefaultRefused
             }
         };
@@ -234,10 +278,7 @@ impl JointBase {
     /// Builds the watch of the active set with these settings; `None` if it cannot be built. If the samples are farther apart
     /// than `independent_s`, they are independent too.
     pub(crate) fn watch_of(&self, settings: &NodeSettings) -> Option<ResidualWatch> {
-        let period_s = match settings.source {
-            InputSource::Sensors => REPORT_PERIOD_S,
-            InputSource::Bus => settings.period_s,
-        };
+        let period_s = settings.sample_period_s();
         let written = self.staging.active().watch;
         let independent_s = written.independent_s.max(period_s);
         WatchParameters { independent_s, ..written }.build(period_s).ok()
@@ -290,7 +331,6 @@ impl JointBase {
     #[inline(always)]
     pub(crate) fn loop_commands(&self, now_us: u64) -> LoopCommands {
         let age_h = now_us as f32 * (1e-6 / 3600.0);
-        let (set_number, gate_resets, home) = self.current_loop.orders();
         LoopCommands {
             setpoint: self.received.setpoint(now_us),
             covariates: self.received.covariates(self.settings.campaign_h + age_h, now_us),
@@ -299,9 +339,9 @@ impl JointBase {
             compensation: self.supervisor.is_compensation_allowed(),
             current_share: self.supervisor.current_share(),
             compensation_share: self.compensation.share(),
-            set_number,
-            gate_resets,
-            home,
+            set_number: self.current_loop.set_number,
+            gate_resets: self.current_loop.gate_resets,
+            home: self.current_loop.home(),
             ..LoopCommands::default()
         }
     }
@@ -359,23 +399,38 @@ impl JointBase {
     /// Arms the joint on its own sensors.
     pub(crate) fn arm(&mut self) -> Result<(), Abort> {
         self.check_start()?;
-        self.supervisor.arm(self.now_us).map_err(|refusal| {
-            self.blocking = refusal.causes.fault_bits();
-            self.staging.refuse(Abort::State, refusal)
+        self.supervisor.arm(self.now_us).map_err(|refusal| self.refuse_arming(refusal))
+    }
+
+    /// Clears the faults whose causes have ended.
+    pub(crate) fn clear_faults(&mut self) -> Result<(), Abort> {
+        self.supervisor.clear_faults().map_err(|left| {
+            if !left.contains(Code::GateDriverFault) {
+                return self.refuse_blocked(left);
+            }
+            // The gate driver may latch its fault until it has slept, and the bridge is off. The next request succeeds.
+            self.current_loop.reset_gate_driver();
+            self.blocking = left.fault_bits();
+            let why = refusal!(
+                "still present:{faults}{limits} (its driver was reset: ask again)",
+                left.fault_bits(),
+                left.limit_bits()
+            );
+            self.refuse(Abort::State, why)
         })
     }
 
     /// Checks that the board can drive with the set in use, which needs no restart.
     pub(crate) fn check_start(&mut self) -> Result<(), Abort> {
         let checked = self.start.check(self.staging.active());
-        checked.map_err(|why| self.staging.refuse(Abort::State, why))
+        checked.map_err(|why| self.refuse(Abort::State, why))
     }
 
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
     pub(crate) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
         if !position_rad.is_finite() {
             let why = refusal!("set_position_rad = {f32}: must be a finite number", position_rad);
-            return Err(self.staging.refuse(Abort::Value, why));
+            return Err(self.refuse(Abort::Value, why));
         }
         self.current_loop.set_home(position_rad);
         Ok(())
@@ -387,7 +442,7 @@ impl JointBase {
         let set = self.staging.staged();
         let built = LoopParts::build(set, self.identity.stage, PERIOD_S).map(drop);
         let accepted = built.and_then(|()| self.supervisor.configure(&set.thresholds));
-        accepted.map_err(|error| self.staging.refuse(Abort::Value, error))
+        accepted.map_err(|error| self.refuse(Abort::Value, error))
     }
 
     /// Makes the staged set the active one, once it is accepted.

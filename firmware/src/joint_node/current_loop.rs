@@ -13,8 +13,10 @@ with_defaults! {
         report: LoopReport,
         /// A tick has evaluated the report.
         is_report_seen: bool = true,
-        set_number: u32,
-        gate_resets: u8,
+        /// Number of the parameter set that the loop is to use.
+        pub(super) set_number: u32,
+        /// Number of resets of the gate driver.
+        pub(super) gate_resets: u8,
         home: Home,
         /// The position is unknown until it is set, whatever the loop reports.
         is_home_lost: bool,
@@ -100,8 +102,8 @@ impl LoopExchange {
         self.is_home_lost = true;
     }
 
-    /// Returns the numbers of the set and of the resets, and the position.
-    pub(crate) const fn orders(&self) -> (u32, u8, Home) {
-        (self.set_number, self.gate_resets, self.home)
+    /// Returns the position that was set last.
+    pub(crate) const fn home(&self) -> Home {
+        self.home
     }
 }

@@ -10,14 +10,12 @@ use crate::node::dictionary::{
 use crate::node::sdo::{Abort, ValueBuffer};
 use crate::node_settings::NodeSettings;
 use crate::refusal;
-use crate::setting_error::SettingError;
 use crate::watch::ResidualWatch;
 use canopen_rs::Address;
 use compensator_core::can::{
     CommandFrame, Message, MotionFrame, NodeId, SealFrame, SurroundingsFrame, TorqueFrame, cob_id,
 };
 use compensator_core::network::record as network_record;
-use compensator_core::parameters::Text;
 use compensator_core::record;
 use compensator_core::text;
 
@@ -28,19 +26,6 @@ impl JointBase {
             return Err(self.refuse_armed());
         }
         Ok(())
-    }
-
-    /// Refuses a write because the bridge is in use.
-    #[inline(never)]
-    pub(crate) fn refuse_armed(&mut self) -> Abort {
-        let why = text!("the joint is armed, and nothing is written then: disarm first");
-        self.staging.refuse(Abort::State, why)
-    }
-
-    /// Refuses a setting that is out of range.
-    #[inline(never)]
-    pub(crate) fn refuse_setting(&mut self, name: Text, legal: Text) -> Abort {
-        self.staging.refuse(Abort::Value, SettingError { name, legal })
     }
 
     /// Reads a value that every joint has and that is no number, or the number of values of an object; `None` for any other.
@@ -101,7 +86,7 @@ impl JointBase {
             (index::RESTORE, _) if number == LOAD_SIGNATURE => return None,
             (index::STORE | index::RESTORE, _) => {
                 let why = text!("save and load need their own word (65766173h, 64616F6Ch)");
-                return Some(Err(self.staging.refuse(Abort::Refused, why)));
+                return Some(Err(self.refuse(Abort::Refused, why)));
             }
             // Nothing else depends on the heartbeat, so that an armed joint may have another one.
             (index::HEARTBEAT, _) => self.settings.heartbeat_ms = number as u16,
@@ -166,7 +151,7 @@ impl JointBase {
 
     /// Checks settings that were changed.
     pub(crate) fn check_settings(&mut self, changed: &NodeSettings) -> Result<(), Abort> {
-        changed.validate().map_err(|error| self.staging.refuse(Abort::Value, error))
+        changed.validate().map_err(|error| self.refuse(Abort::Value, error))
     }
 
     /// Returns the counters of the bus side (2003h).
@@ -228,7 +213,7 @@ impl JointBase {
                 entry(&[commissioned, wiring_crc, 0, proven], place)
             }
             index::COMMIT => {
-                let (active_crc, staged_crc) = staging.crcs();
+                let (active_crc, staged_crc) = (staging.active_crc(), staging.staged_crc());
                 entry(&CommitObject { active_crc, staged_crc, ..Default::default() }.words(), place)
             }
             _ => Err(Abort::NoObject),

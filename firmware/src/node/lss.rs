@@ -119,8 +119,13 @@ impl Lss {
 
     fn switch(&mut self, mode: u8) -> LssAction {
         let was_configuring = self.is_configuring;
-        self.is_configuring = mode == 1;
-        if was_configuring && mode == 0 { LssAction::Leave } else { LssAction::None }
+        match mode {
+            0 => self.is_configuring = false,
+            1 => self.is_configuring = true,
+            _ => {}
+        }
+        let has_ended = was_configuring && !self.is_configuring;
+        if has_ended { LssAction::Leave } else { LssAction::None }
     }
 
     fn select(&mut self, request: u8, number: u32, identity: &[u32; 4]) -> LssAction {

@@ -88,18 +88,15 @@ pub trait Objects {
     /// Returns why it cannot be read.
     fn read(&mut self, at: Address, value: &mut ValueBuffer) -> Result<(), Abort>;
 
-    /// Begins a download after [`Objects::check_write`]. Returns true if the object takes its value in parts
-    /// ([`Objects::write_part`]); it may then be longer than [`MAX_VALUE_BYTES`]. `declared` is the length
-    /// that the client states, bytes. The beginning of a transfer ends an incomplete one.
-    ///
-    /// # Errors
-    /// Returns why it cannot be written.
-    fn begin_stream(&mut self, _at: Address, _declared: Option<usize>) -> Result<bool, Abort> {
-        Ok(false)
+    /// Returns true if the object takes its value in parts ([`Objects::write_part`]); it may then be longer than
+    /// [`MAX_VALUE_BYTES`].
+    fn takes_parts(&self, _at: Address) -> bool {
+        false
     }
 
     /// Takes the next part of a value, of 1 to [`MAX_PART_BYTES`] bytes. The parts follow each other without
-    /// gap. The client waits until this returns. The CRC of a block transfer is checked after the last part.
+    /// gap; the first one, at offset 0, ends an incomplete value. The client waits until this returns. The CRC of a
+    /// block transfer is checked after the last part.
     ///
     /// # Errors
     /// Returns why it is refused; the transfer ends then.

@@ -172,8 +172,8 @@ impl<F: NorFlash> Objects for RecoveryObjects<F> {
         done.map_err(RequestError::abort)
     }
 
-    fn begin_stream(&mut self, at: Address, _declared: Option<usize>) -> Result<bool, Abort> {
-        Ok(at.index == index::PROGRAM_DATA)
+    fn takes_parts(&self, at: Address) -> bool {
+        at.index == index::PROGRAM_DATA
     }
 
     fn write_part(&mut self, at: Address, _offset: usize, part: &[u8]) -> Result<(), Abort> {

@@ -8,6 +8,7 @@ mod brake_test;
 mod commissioning;
 mod damaged_store;
 mod drive;
+mod drive_settings;
 mod eds;
 mod fd_telemetry;
 mod hostile;

@@ -317,7 +317,7 @@ pub fn download_request(at: Address, value: &[u8]) -> [u8; 8] {
 }
 
 /// Returns the value of an upload whose answer holds it, with or without its size; `None` for a transfer in segments.
-pub(crate) fn expedited(answer: &[u8; 8]) -> Option<&[u8]> {
+pub fn expedited(answer: &[u8; 8]) -> Option<&[u8]> {
     let unused = if answer[0] & 1 != 0 { usize::from(answer[0] >> 2 & 3) } else { 0 };
     answer.get(4..8 - unused).filter(|_| answer[0] & 0xE2 == 0x42)
 }

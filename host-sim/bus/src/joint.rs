@@ -7,7 +7,7 @@ use crate::bus::{Bus, BusError, Participant};
 use compensator_core::can::NodeId;
 use firmware::background::{Background, BoardState, TICK_US};
 use firmware::driver::{Boot, Device, Driver, Identity};
-use firmware::joint_node::Equipment;
+use firmware::joint_node::{Equipment, Joint as _};
 use firmware::loop_parts::StageTraits;
 use firmware::node_settings::{InputSource, NodeSettings};
 use firmware::store::memory::{MemoryFlash, PAGE_BYTES};

@@ -6,7 +6,7 @@
 //! so that a sample is 6 us old. The noise and
 //! the lag of the amplifiers are part of the plant.
 
-use crate::incremental::{HallFault, Incremental, LineFault};
+use crate::incremental::{HallFault, Incremental, LineEdges, LineFault};
 use firmware::control::{PERIOD_S, StageSample, ValidChannels};
 use firmware::loop_parts::StageTraits;
 use firmware::parameter_set::ParameterSet;
@@ -357,9 +357,8 @@ impl BoardSensors {
         self.incremental.borrow_mut().set_hall_fault(fault);
     }
 
-    /// Returns the edges of the quadrature encoder at this angle, turns, and those at the last rise of its index since the
-    /// last call.
-    pub fn edges(&self, turns: f64) -> (i64, Option<i64>) {
+    /// Returns the edges of the quadrature encoder at this angle, turns.
+    pub fn edges(&self, turns: f64) -> LineEdges {
         let mut incremental = self.incremental.borrow_mut();
         incremental.turn_to(turns);
         incremental.take_edges()

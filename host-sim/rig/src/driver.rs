@@ -6,10 +6,9 @@ use crate::{BoardSensors, PERIODS_PER_MS, PowerUp, RigError, Stage};
 use compensator_core::can::Frame;
 use firmware::access::AccessSettings;
 use firmware::background::{Background, BoardState, TICK_US};
-use firmware::compact;
 use firmware::control::{PERIOD_S, PowerStage};
 use firmware::deadline::DeadlineLimits;
-use firmware::driver::{Boot, Device, Driver, Identity};
+use firmware::driver::{Boot, Identity};
 use firmware::joint_node::{Equipment, Joint, JointNode};
 use firmware::loop_link::{LoopLink, LoopPort, LoopQueues};
 use firmware::loop_parts::{LoopParts, StageTraits};
@@ -68,11 +67,6 @@ pub trait RigDriver {
 
     /// Returns the limits that are active.
     fn limits(&mut self) -> CodeSet;
-
-    /// The driver itself, if it runs in this process.
-    fn library(&self) -> Option<&Driver<RigFlash>> {
-        None
-    }
 }
 
 /// Returns the codes whose bits are set in this word; `base` is the number of the code of bit 0.
@@ -112,37 +106,10 @@ pub fn stored_flash<const PAGES: usize>(
 /// Flash of the drivers in this process.
 pub type RigFlash = MemoryFlash<4>;
 
-/// A joint of the firmware's library that a rig can run.
-pub trait RigJoint: Joint<Flash = RigFlash> {
-    /// Returns its flash.
-    fn flash(&self) -> &RigFlash;
-
-    /// Returns its node if it is the whole driver.
-    fn whole_driver(_node: &JointNode<Self>) -> Option<&Driver<RigFlash>> {
-        None
-    }
-}
-
-impl RigJoint for Device<RigFlash> {
-    fn flash(&self) -> &RigFlash {
-        Self::flash(self)
-    }
-
-    fn whole_driver(node: &JointNode<Self>) -> Option<&Driver<RigFlash>> {
-        Some(node)
-    }
-}
-
-impl RigJoint for compact::Device<RigFlash> {
-    fn flash(&self) -> &RigFlash {
-        Self::flash(self)
-    }
-}
-
 /// The firmware's library as driver: background loop, queues and interrupt in this process. It keeps the queues and the
 /// memory of the scope of each start as long as a board would: for ever.
-pub struct LibraryDriver<N = Device<RigFlash>> {
-    background: Background<N>,
+pub struct LibraryDriver<J> {
+    background: Background<J>,
     task: LoopTask,
     port: LoopPort<'static>,
     link: LoopLink<'static>,
@@ -154,11 +121,10 @@ pub struct LibraryDriver<N = Device<RigFlash>> {
     deferred_frames: VecDeque<Frame>,
     /// Words of the encoder at the joint's side, latched when the last report came.
     joint_words: Option<[u16; biss::WORDS]>,
-    /// Time since the watchdog was serviced, ms, and whether the processor was reset.
+    /// Time since the watchdog was serviced, ms.
     watchdog_unserviced_ms: u32,
-    is_reset: bool,
-    /// Cause of the last reset.
-    reset_cause: ResetCause,
+    /// Cause of a reset after which the driver has not started again.
+    reset: Option<ResetCause>,
 }
 
 /// Values that the scope holds, as on the STM32G474 board.
@@ -168,12 +134,12 @@ const SCOPE_VALUES: usize = 6144;
 const LIMITS: DeadlineLimits = DeadlineLimits::for_period(super::PERIOD_CYCLES, 2000);
 
 /// Returns the background loop of a node that starts now from this flash.
-fn start_node<N: RigJoint>(
+fn start_node<J: Joint<Flash = RigFlash>>(
     flash: RigFlash,
     identity: Identity,
     boot: &Boot,
     now_us: u64,
-) -> Background<N> {
+) -> Background<J> {
     let node = JointNode::boot(NodeSettings::default(), flash, identity, boot, now_us);
     let mut background = Background::new(node, now_us);
     let scope = Box::leak(Box::new([0.0; SCOPE_VALUES]));
@@ -186,7 +152,7 @@ fn connected(traits: StageTraits, now_us: u64) -> (LoopPort<'static>, LoopLink<'
     Box::leak(Box::new(LoopQueues::new())).split(traits, now_us)
 }
 
-impl<N: RigJoint> LibraryDriver<N> {
+impl<J: Joint<Flash = RigFlash>> LibraryDriver<J> {
     /// Starts a driver on this stage.
     ///
     /// # Errors
@@ -194,7 +160,7 @@ impl<N: RigJoint> LibraryDriver<N> {
     pub fn start(start: &PowerUp, traits: StageTraits, stage: Stage) -> Result<Self, RigError> {
         let flash = stored_flash(start, traits)?;
         let identity = Identity { hardware: "simulated joint", serial: 1, stage: traits };
-        let mut background: Background<N> = start_node(flash, identity, &start.boot, 0);
+        let mut background: Background<J> = start_node(flash, identity, &start.boot, 0);
         let (port, link) = connected(traits, 0);
         let task = background.loop_task(LIMITS);
         let mut driver = Self {
@@ -209,8 +175,7 @@ impl<N: RigJoint> LibraryDriver<N> {
             deferred_frames: VecDeque::new(),
             joint_words: None,
             watchdog_unserviced_ms: 0,
-            is_reset: false,
-            reset_cause: ResetCause::PowerOn,
+            reset: None,
         };
         // The interrupt must run first: the background needs a completed conversion.
         driver.run_current_loop();
@@ -223,7 +188,7 @@ impl<N: RigJoint> LibraryDriver<N> {
 
     fn run_current_loop(&mut self) {
         for _ in 0..PERIODS_PER_MS {
-            if self.is_reset {
+            if self.is_reset() {
                 // The reset also resets the timer, whose outputs return to their idle level.
                 self.stage.off();
             } else if let Some(delay) = self.stage.next_interrupt() {
@@ -239,7 +204,7 @@ impl<N: RigJoint> LibraryDriver<N> {
     }
 }
 
-impl<N: RigJoint> RigDriver for LibraryDriver<N> {
+impl<J: Joint<Flash = RigFlash>> RigDriver for LibraryDriver<J> {
     fn stage(&self) -> &Stage {
         &self.stage
     }
@@ -251,7 +216,7 @@ impl<N: RigJoint> RigDriver for LibraryDriver<N> {
     /// Delivers a frame to the background, or queues it during a stall and behind the frames of the stall.
     fn receive(&mut self, frame: &Frame) {
         let is_free = self.stalled_ms == 0 && self.deferred_frames.is_empty();
-        if is_free && !self.is_reset {
+        if is_free && !self.is_reset() {
             self.background.node_mut().receive(frame, self.now_us);
         } else if self.deferred_frames.len() < RECEIVE_QUEUE_FRAMES {
             self.deferred_frames.push_back(*frame);
@@ -260,7 +225,7 @@ impl<N: RigJoint> RigDriver for LibraryDriver<N> {
 
     fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(CanFrame)) {
         self.now_us += TICK_US;
-        if self.stalled_ms == 0 && !self.is_reset {
+        if self.stalled_ms == 0 && !self.is_reset() {
             while let Some(frame) = self.deferred_frames.pop_front() {
                 self.background.node_mut().receive(&frame, self.now_us);
             }
@@ -274,11 +239,11 @@ impl<N: RigJoint> RigDriver for LibraryDriver<N> {
                 self.watchdog_unserviced_ms = 0;
             }
             if self.background.node().is_reset_requested() {
-                (self.is_reset, self.reset_cause) = (true, ResetCause::Software);
+                self.reset = Some(ResetCause::Software);
             }
         }
         // Without its firmware, the processor does not drive the output.
-        let output = self.background.node().joint.board_output().brake.filter(|_| !self.is_reset);
+        let output = self.background.node().joint.board_output().brake.filter(|_| !self.is_reset());
         self.stage.plant.energise_brake(output == Some(true));
         if let Some(sync) = sync {
             self.receive(&sync);
@@ -292,8 +257,8 @@ impl<N: RigJoint> RigDriver for LibraryDriver<N> {
         }
         self.stalled_ms = self.stalled_ms.saturating_sub(1);
         self.watchdog_unserviced_ms += 1;
-        if self.watchdog_unserviced_ms > WATCHDOG_TIMEOUT_MS && !self.is_reset {
-            (self.is_reset, self.reset_cause) = (true, ResetCause::Watchdog);
+        if self.watchdog_unserviced_ms > WATCHDOG_TIMEOUT_MS && !self.is_reset() {
+            self.reset = Some(ResetCause::Watchdog);
         }
         self.run_current_loop();
     }
@@ -303,24 +268,25 @@ impl<N: RigJoint> RigDriver for LibraryDriver<N> {
     }
 
     fn is_reset(&self) -> bool {
-        self.is_reset
+        self.reset.is_some()
     }
 
     fn reset(&mut self) {
-        (self.is_reset, self.reset_cause) = (true, ResetCause::Pin);
+        self.reset = Some(ResetCause::Pin);
     }
 
     fn cut_power(&mut self) {
-        (self.is_reset, self.reset_cause) = (true, ResetCause::PowerOn);
+        self.reset = Some(ResetCause::PowerOn);
     }
 
     fn restart(&mut self) -> Result<(), RigError> {
         self.now_us += TICK_US;
         let previous = &self.background.node().joint;
         let output = previous.board_output();
-        let has_memory = self.reset_cause != ResetCause::PowerOn;
+        let cause = self.reset.take().unwrap_or(ResetCause::PowerOn);
+        let has_memory = cause != ResetCause::PowerOn;
         let boot = Boot {
-            cause: self.reset_cause,
+            cause,
             winding_rise_k: output.winding_rise_k.filter(|_| has_memory),
             home: output.home.filter(|_| has_memory),
             ..Boot::default()
@@ -333,14 +299,13 @@ impl<N: RigJoint> RigDriver for LibraryDriver<N> {
             board.restart_encoder(self.background.start_values());
         }
         self.deferred_frames.clear();
-        (self.is_reset, self.stalled_ms, self.watchdog_unserviced_ms) = (false, 0, 0);
+        (self.stalled_ms, self.watchdog_unserviced_ms) = (0, 0);
         self.run_current_loop();
         Ok(())
     }
 
     fn is_armed(&mut self) -> bool {
-        let is_in_hil = self.library().is_some_and(|driver| driver.joint.is_armed());
-        (self.supervisor().is_armed() || is_in_hil) && !self.is_reset
+        !self.is_reset() && self.background.node_mut().joint.base().is_armed()
     }
 
     fn faults(&mut self) -> CodeSet {
@@ -349,9 +314,5 @@ impl<N: RigJoint> RigDriver for LibraryDriver<N> {
 
     fn limits(&mut self) -> CodeSet {
         self.supervisor().limits()
-    }
-
-    fn library(&self) -> Option<&Driver<RigFlash>> {
-        N::whole_driver(self.background.node())
     }
 }

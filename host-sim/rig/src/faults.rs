@@ -12,6 +12,9 @@ const SENSOR_FAILURE_MS: u32 = 1500;
 /// Probability that a frame of the sensors is lost, for [`SealSensorFault::Dropped`].
 const FRAME_LOSS_PROBABILITY: f64 = 0.5;
 
+/// 2^64 over the golden ratio, which spreads the seeds of consecutive milliseconds.
+const SEED_SPREAD: u64 = 0x9E37_79B9_7F4A_7C15;
+
 /// Fault of the side-load and pressure sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SealSensorFault {
@@ -47,12 +50,13 @@ impl RigFaults {
         Self { seal, ..Self::default() }
     }
 
-    /// Returns what the sensors send in this millisecond, or `None`. `stuck` holds the last values before the failure.
+    /// Returns what the sensors send in this millisecond, or `None`. `stuck` holds what they showed
+    /// last before the failure.
     pub(super) fn seal_reading(
         &self,
         milliseconds: u32,
         shown: &Shown,
-        stuck: &mut Option<[f64; 2]>,
+        stuck: &mut Option<Shown>,
     ) -> Option<Shown> {
         let has_failed = milliseconds >= SENSOR_FAILURE_MS;
         match self.seal {
@@ -61,14 +65,13 @@ impl RigFaults {
             SealSensorFault::Stale => (!has_failed).then_some(*shown),
             SealSensorFault::Stuck => {
                 if !has_failed {
-                    *stuck = Some([shown.radial_force_n, shown.pressure_diff_pa]);
+                    *stuck = Some(*shown);
                 }
-                let [radial_force_n, pressure_diff_pa] =
-                    stuck.unwrap_or([shown.radial_force_n, shown.pressure_diff_pa]);
+                let Shown { radial_force_n, pressure_diff_pa, .. } = stuck.unwrap_or(*shown);
                 Some(Shown { radial_force_n, pressure_diff_pa, ..*shown })
             }
             SealSensorFault::Dropped => {
-                let seed = u64::from(milliseconds).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ self.seed;
+                let seed = u64::from(milliseconds).wrapping_mul(SEED_SPREAD) ^ self.seed;
                 Pcg64::seed_from_u64(seed)
                     .random_bool(1.0 - FRAME_LOSS_PROBABILITY)
                     .then_some(*shown)

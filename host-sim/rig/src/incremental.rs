@@ -47,6 +47,15 @@ pub enum HallFault {
     Jump,
 }
 
+/// Edges that a quadrature encoder has shown since the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineEdges {
+    /// All of them.
+    pub shown: i64,
+    /// Those at the last rise of the index since the last query; `None` if it has not risen.
+    pub at_index: Option<i64>,
+}
+
 /// Edges and levels at the motor's shaft.
 #[derive(Clone, Debug)]
 pub struct Incremental {
@@ -125,16 +134,16 @@ impl Incremental {
         }
     }
 
-    /// Returns the edges that the encoder has shown, and those at the last rise of the index since the last call.
-    pub fn take_edges(&mut self) -> (i64, Option<i64>) {
-        (self.shown, self.index.take())
+    /// Returns the edges that the encoder has shown.
+    pub fn take_edges(&mut self) -> LineEdges {
+        LineEdges { shown: self.shown, at_index: self.index.take() }
     }
 
     /// Returns what a counter of the edges shows.
     pub fn read(&mut self) -> Quadrature {
-        let (edges, index) = self.take_edges();
+        let LineEdges { shown, at_index } = self.take_edges();
         let count = |edges: i64| edges as u16;
-        Quadrature { count: count(edges), index: index.map(count), has_double_edge: false }
+        Quadrature { count: count(shown), index: at_index.map(count), has_double_edge: false }
     }
 
     /// Returns the levels of the Hall sensors at this angle, turns.

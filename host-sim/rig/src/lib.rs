@@ -29,17 +29,17 @@ pub use board::{
 };
 pub use bus::RigBus;
 pub use driver::{
-    LibraryDriver, RigDriver, RigFlash, RigJoint, WATCHDOG_TIMEOUT_MS, codes_from_bits,
-    stored_flash,
+    LibraryDriver, RigDriver, RigFlash, WATCHDOG_TIMEOUT_MS, codes_from_bits, stored_flash,
 };
 pub use error::RigError;
 pub use faults::{RigFaults, SealSensorFault};
-pub use incremental::{HallFault, LineFault};
+pub use incremental::{HallFault, LineEdges, LineFault};
 pub use node::{JointEvent, MotorNode};
 pub use simulated_machines::joint_plant::SerialFault;
 pub use stage::{InterruptTiming, PERIOD_CYCLES, Stage, StageExtremes};
 
 use canopen_rs::Address;
+use canopen_rs::sdo::encode_upload_request;
 use compensator_core::can::{
     CommandFrame, Frame, Message, NodeId, SealFrame, SurroundingsFrame, SyncFrame, cob_id,
 };
@@ -48,15 +48,18 @@ use firmware::background::{BoardState, TICK_US};
 use firmware::compact;
 use firmware::control::PERIOD_S;
 use firmware::drive_settings::DriveSettings;
-use firmware::driver::{Boot, Device, Driver};
+use firmware::driver::{Boot, Device};
+use firmware::joint_node::Joint;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
-use firmware::node::dictionary::records::InputsObject;
+use firmware::node::dictionary::records::{
+    AccessObject, InputsObject, StateObject, TransmitPdoObject,
+};
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::CodeSet;
-use joint_bus::canopen::{Client, download_request};
+use joint_bus::canopen::{Client, download_request, expedited};
 use joint_trace::CanFrame;
-use simulated_machines::joint_plant::JointPlant;
+use simulated_machines::joint_plant::{JointPlant, Shown};
 use std::collections::VecDeque;
 
 const NODE: NodeId = NodeId::FIRST;
@@ -100,8 +103,8 @@ pub struct JointRig {
     driver: Box<dyn RigDriver>,
     faults: RigFaults,
     line: DelayLine,
-    /// Last values of a stuck seal sensor: side load, N, and pressure, Pa.
-    stuck_seal: Option<[f64; 2]>,
+    /// What the seal sensors showed last before they stuck.
+    stuck_seal: Option<Shown>,
     now_us: u64,
     milliseconds: u32,
     command_count: u8,
@@ -204,14 +207,14 @@ pub fn stage_at_power_up(start: &PowerUp, mut plant: JointPlant, faults: &RigFau
 }
 
 /// Starts the library as driver from power-up.
-fn start_driver<N: RigJoint + 'static>(
+fn start_driver<J: Joint<Flash = RigFlash> + 'static>(
     start: &PowerUp,
     plant: JointPlant,
     faults: RigFaults,
 ) -> Result<JointRig, RigError> {
     let traits = if start.board { start.scales.traits } else { StageTraits::NONE };
     let stage = stage_at_power_up(start, plant, &faults);
-    let driver = LibraryDriver::<N>::start(start, traits, stage)?;
+    let driver = LibraryDriver::<J>::start(start, traits, stage)?;
     Ok(JointRig::new(Box::new(driver), faults))
 }
 
@@ -242,11 +245,12 @@ impl JointRig {
     pub fn arm(&mut self, position_rad: f64) -> Result<(), RigError> {
         // The rig's master uses Answer and Telemetry of every sample.
         for at_index in [index::TRANSMIT_ANSWER, index::TRANSMIT_TELEMETRY] {
-            self.write_object_byte(at_index, 2, 1);
+            self.write_object_byte(at_index, TransmitPdoObject::TRANSMISSION_TYPE, 1);
             self.step_idle();
         }
         self.send_immediately(0, &[1, NODE.number()]);
-        self.write_object(index::STATE, 6, (position_rad as f32).to_le_bytes());
+        let position_rad = (position_rad as f32).to_le_bytes();
+        self.write_object(index::STATE, StateObject::SET_POSITION, position_rad);
         (0..5).for_each(|_| self.step_with_command(0.0, 0.0));
         self.request_state(1);
         for _ in 0..ARMING_TIMEOUT_MS {
@@ -264,7 +268,7 @@ impl JointRig {
     /// # Errors
     /// Returns one line if the driver refuses.
     pub fn unlock(&mut self) -> Result<(), RigError> {
-        if self.read_object(index::ACCESS, 1) == Some(1) {
+        if self.read_object(index::ACCESS, AccessObject::LEVEL) == Some(1) {
             return Ok(());
         }
         Ok(Client::new(RigBus::new(self), NODE).unlock()?)
@@ -374,11 +378,6 @@ impl JointRig {
         &mut self.driver.stage_mut().plant
     }
 
-    /// The driver, if it runs in this process.
-    pub fn library(&self) -> Option<&Driver<RigFlash>> {
-        self.driver.library()
-    }
-
     /// Returns true if the driver is armed.
     pub fn is_armed(&mut self) -> bool {
         self.driver.is_armed()
@@ -418,27 +417,22 @@ impl JointRig {
     /// Reads an object of at most four bytes, which takes some milliseconds. Returns `None` if there is no answer, or the
     /// driver rejects the request.
     pub fn read_object(&mut self, index: u16, sub_index: u8) -> Option<u32> {
-        let [low, high] = index.to_le_bytes();
+        let request = encode_upload_request(Address::new(index, sub_index));
         self.received.answers.clear();
-        self.send_immediately(SDO_REQUEST, &[0x40, low, high, sub_index, 0, 0, 0, 0]);
+        self.send_immediately(SDO_REQUEST, &request);
         (0..ANSWER_TIMEOUT_MS).find_map(|_| {
             self.step_idle();
-            self.received.answers.iter().find_map(|frame| match *frame.data() {
-                // Expedited answer: command byte 0100 nn11, where nn of the four bytes are unused.
-                [head, l, h, s, a, b, c, d]
-                    if head & 0xF3 == 0x43 && [l, h, s] == [low, high, sub_index] =>
-                {
-                    let word = u32::from_le_bytes([a, b, c, d]);
-                    Some(word & (u32::MAX >> (8 * ((head >> 2) & 3))))
-                }
-                _ => None,
+            self.received.answers.iter().find_map(|frame| {
+                let answer: &[u8; 8] = frame.data().try_into().ok()?;
+                let value = expedited(answer).filter(|_| answer[1..4] == request[1..4])?;
+                Some(value.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte)))
             })
         })
     }
 
     /// Requests the driver to arm (1), to disarm (0) or to clear its faults (2).
     pub fn request_state(&mut self, request: u8) {
-        self.write_object_byte(index::STATE, 1, request);
+        self.write_object_byte(index::STATE, StateObject::REQUEST, request);
     }
 }
 

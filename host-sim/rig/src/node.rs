@@ -15,6 +15,7 @@ use super::{
 use compensator_core::can::{Message, NodeId, SealFrame, SurroundingsFrame};
 use firmware::driver::Device;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::StateObject;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::CanState;
 use joint_bus::bus::Participant;
@@ -160,7 +161,8 @@ impl MotorNode {
     /// Sets the driver's position to that of the joint, and connects its sensors.
     fn home(&mut self, joint: &DrawnJoint) {
         let position_rad = self.rig.plant().position_rad() as f32;
-        self.rig.write_object(index::STATE, 6, position_rad.to_le_bytes());
+        let position = position_rad.to_le_bytes();
+        self.rig.write_object(index::STATE, StateObject::SET_POSITION, position);
         (0..ANSWER_MS).for_each(|_| self.rig.step_idle());
         if let Some(outgoing) = &mut self.rig.received.outgoing_frames {
             outgoing.clear();

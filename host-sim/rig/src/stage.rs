@@ -35,7 +35,7 @@ pub enum InterruptTiming {
 }
 
 /// Largest true values, not measurements, since the last call of [`Stage::take_extremes`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageExtremes {
     /// Phase current, A.
     pub current_a: f64,
@@ -46,9 +46,6 @@ pub struct StageExtremes {
     /// Periods in which the bridge was driven.
     pub driven_periods: u32,
 }
-
-const ZERO_EXTREMES: StageExtremes =
-    StageExtremes { current_a: 0.0, bus_v: 0.0, speed_rad_s: 0.0, driven_periods: 0 };
 
 /// The plant, seen as a power stage.
 pub struct Stage {
@@ -89,7 +86,7 @@ impl Stage {
             applied: None,
             pending: None,
             is_awake: true,
-            extremes: ZERO_EXTREMES,
+            extremes: StageExtremes::default(),
             cycles: 0,
             delay: 0,
             encoder_lost: faults.encoder_lost,
@@ -156,7 +153,7 @@ impl Stage {
 
     /// Takes the extremes since the last call.
     pub fn take_extremes(&mut self) -> StageExtremes {
-        std::mem::replace(&mut self.extremes, ZERO_EXTREMES)
+        std::mem::take(&mut self.extremes)
     }
 
     /// Returns true if the touch probe is touched at the present position.

@@ -11,7 +11,7 @@ use crate::chip::wiring::{Quantity, Wiring};
 use crate::world::{Bridge, World};
 use firmware::background::BoardState;
 use firmware::sensors::thermistor::Thermistor;
-use joint_rig::{InterruptTiming, PERIOD_CYCLES, Stage};
+use joint_rig::{InterruptTiming, LineEdges, PERIOD_CYCLES, Stage};
 use simulated_machines::joint_plant::Measured;
 
 /// Longest block of instructions between two looks at the events of the chip, cycles. A missed interrupt is held for as much
@@ -152,8 +152,8 @@ impl World for JointWorld {
     fn edges(&mut self, seconds: f64) -> Edges {
         let turns = self.shaft_turns(seconds);
         let Some(board) = &self.stage.board else { return Edges::default() };
-        let (count, index) = board.edges(turns);
-        Edges { count, index, has_double_edge: false }
+        let LineEdges { shown, at_index } = board.edges(turns);
+        Edges { count: shown, index: at_index, has_double_edge: false }
     }
 
     fn biss_frame(&mut self, seconds: f64) -> Option<u64> {

@@ -23,7 +23,7 @@ impl<F: NorFlash> Device<F> {
         }
         if !self.is_service() {
             let why = text!("the joint is locked: a response to its challenge unlocks it (2041h)");
-            return Err(self.base.staging.refuse(Abort::Locked, why));
+            return Err(self.base.refuse(Abort::Locked, why));
         }
         Ok(())
     }
@@ -89,13 +89,10 @@ impl<F: NorFlash> Device<F> {
         let node = self.node_in_use().number();
         let expected = |challenge| key.proof(challenge, serial, node, change);
         self.lock.check(proof, expected, self.base.now_us).map_err(|refusal| match refusal {
-            Refusal::Wrong => {
-                self.base.staging.refuse(Abort::Value, text!("the response is wrong"))
+            Refusal::Wrong => self.base.refuse(Abort::Value, text!("the response is wrong")),
+            Refusal::Wait => {
+                self.base.refuse(Abort::State, text!("a response was wrong: wait up to 60 s"))
             }
-            Refusal::Wait => self
-                .base
-                .staging
-                .refuse(Abort::State, text!("a response was wrong: wait up to 60 s")),
         })
     }
 

@@ -5,8 +5,8 @@
 //! becomes active starts at its own values again: what was learnt belongs to the set that it was learnt with. While a set is
 //! on trial, nothing is learnt, because a trial compares sets.
 
-use super::{Device, InputSource};
-use crate::driver::loop_data::REPORT_PERIOD_S;
+use super::{Device, JointBase};
+use crate::driver::loop_data::NumberedGains;
 use crate::level_learner::{LearningSample, OFF, ON, ON_IN_EVERY_MODE};
 use crate::node::dictionary::records::AdaptationObject;
 use crate::node::sdo::Abort;
@@ -21,13 +21,13 @@ const DISCARD: u8 = 2;
 impl<F: NorFlash> Device<F> {
     /// Learns from a report of a joint on its sensors.
     pub(super) fn step_adaptation(&mut self) {
-        if self.base.settings.source == InputSource::Bus {
+        if self.base.settings.is_in_hil() {
             return;
         }
         let is_driven =
             self.base.supervisor.is_compensation_allowed() && !self.motion.is_commissioning();
         let blocked = self.learning_blocked_by().or((!is_driven).then_some(Frozen::NotArmed));
-        let report = self.base.current_loop.report();
+        let report = self.base.report();
         let sample = LearningSample {
             velocity_rad_s: report.velocity_rad_s,
             position_rad: report.position_rad,
@@ -50,11 +50,8 @@ impl<F: NorFlash> Device<F> {
     /// Starts the adaptation at the active set.
     #[inline(never)]
     pub(super) fn restart_adaptation(&mut self) {
-        let sample_s = match self.base.settings.source {
-            InputSource::Sensors => REPORT_PERIOD_S,
-            InputSource::Bus => self.base.settings.period_s,
-        };
-        self.adaptation.restart(self.base.staging.active(), &self.base.settings.drive, sample_s);
+        let JointBase { staging, settings, .. } = &self.base;
+        self.adaptation.restart(staging.active(), &settings.drive, settings.sample_period_s());
     }
 
     /// Returns the present values.
@@ -80,22 +77,24 @@ impl<F: NorFlash> Device<F> {
         }
     }
 
-    /// Returns the gains for the loop, and their number. In a torque mode no loop of this driver bounds the speed of a joint
-    /// whose friction has ended since it was learnt, so that the set is the most that applies.
-    pub fn learnt(&self) -> (u32, Gains<f32>) {
-        let (number, gains) = self.adaptation.gains();
+    /// Returns the gains for the loop. In a torque mode no loop of this driver bounds the speed of a joint whose friction has
+    /// ended since it was learnt, so that the set is the most that applies.
+    pub fn learnt(&self) -> NumberedGains {
+        let gains = self.adaptation.gains();
         let is_bounded = self.motion.mover(&self.base).is_torque()
             && self.base.settings.drive.adapt != ON_IN_EVERY_MODE;
+        // The bounded gains have odd numbers.
+        let number = self.adaptation.number().wrapping_mul(2).wrapping_add(is_bounded.into());
         if !is_bounded {
-            return (number.wrapping_mul(2), gains);
+            return NumberedGains { number, gains };
         }
         let bounded = gains.to_array().map(|gain| gain.min(1.0));
-        (number.wrapping_mul(2).wrapping_add(1), Gains::from_array(&bounded))
+        NumberedGains { number, gains: Gains::from_array(&bounded) }
     }
 
     /// Returns the gains in use as words.
     pub(crate) fn learnt_gains(&self) -> [u32; MAX_GAINS] {
-        self.adaptation.gains().1.to_array().map(f32::to_bits)
+        self.adaptation.gains().to_array().map(f32::to_bits)
     }
 
     /// Returns the standard deviations of the gains as words; 0 if the adaptation is off.
@@ -131,7 +130,7 @@ impl<F: NorFlash> Device<F> {
             }
             order => {
                 let why = refusal!("order = {u32}: must be 1 (adopt) or 2 (discard)", order);
-                Err(self.base.staging.refuse(Abort::Value, why))
+                Err(self.base.refuse(Abort::Value, why))
             }
         }
     }
@@ -141,13 +140,12 @@ impl<F: NorFlash> Device<F> {
         self.refuse_in_trial()?;
         let Some(learner) = self.adaptation.learner() else {
             let why = text!("nothing is learnt: the adaptation is off (2044h:1)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         };
         let learnt = learner.learnt_parameters();
         self.base.staging.discard();
         self.base.staging.staged_mut().friction.model = learnt;
-        let (_, crc) = self.base.staging.crcs();
-        let adopted = self.commit(crc);
+        let adopted = self.commit(self.base.staging.staged_crc());
         if adopted.is_err() {
             self.base.staging.discard();
         }

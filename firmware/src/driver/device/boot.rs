@@ -77,7 +77,7 @@ impl<F: NorFlash> Device<F> {
         }
         let store = self.memory.store.health();
         self.base.start(boot, store, parameters);
-        self.network = LiveNetwork::of(self.base.staging.active(), &self.base.settings);
+        self.network = LiveNetwork::of(self.base.set(), &self.base.settings);
         self.pdos.set_node(self.base.settings.node);
         self.restart_adaptation();
         self.begin_home(boot.home);
@@ -135,7 +135,7 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub(super) fn build_hil(&mut self) -> bool {
         let (node, setup) = (self.base.settings.node, self.base.settings.hil_setup());
-        let set = self.base.staging.active();
+        let set = self.base.set();
         let built = HilJoint::build(node, &set.friction, set.network.as_ref(), setup);
         let is_built = built.is_ok();
         self.samples.set_hil(built.unwrap_or_else(|_refused| HilJoint::without_model(node, setup)));

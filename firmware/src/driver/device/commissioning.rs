@@ -9,14 +9,16 @@ use crate::driver::commissioning::CommissioningBounds;
 use crate::driver::commissioning::friction_run::{FrictionBounds, FrictionRun};
 use crate::node::dictionary::records::CommissioningRunObject;
 use crate::node::sdo::Abort;
-use crate::node_settings::InputSource;
 use crate::sensors::encoder::EncoderKind;
 use compensator_core::refusal;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
 
-/// Maximum travel, rad: a turn, for a motor without gear.
+/// Range of the travel, rad: at most a turn, for a motor without gear.
+const TRAVEL_MIN_RAD: f32 = 1e-3;
 const TRAVEL_MAX_RAD: f32 = 6.3;
+/// Minimum speed of a friction run, rad/s.
+const SPEED_MIN_RAD_S: f32 = 1e-2;
 /// Acceleration of a friction run, rad/s^2, unless the joint's own limit is lower.
 const ACCELERATION_RAD_S2: f32 = 20.0;
 /// Minimum current for a good measurement, A: 20 times the noise of the sensors.
@@ -30,27 +32,26 @@ const FRICTION_RUN: u8 = 3;
 
 impl<F: NorFlash> Device<F> {
     pub(crate) fn write_commissioning(&mut self, place: u8, word: u32) -> Result<(), Abort> {
-        let (name, least, most) = match place {
+        let (motor, run) = (&self.base.set().motor, &mut self.motion.commissioning);
+        let (name, setting, least, most) = match place {
             CommissioningRunObject::ORDER => return self.order_commissioning(word as u8),
             CommissioningRunObject::CURRENT => {
-                (text!("current_a"), CURRENT_MIN_A, self.set().motor.current_limit_a)
+                (text!("current_a"), &mut run.current_a, CURRENT_MIN_A, motor.current_limit_a)
             }
-            CommissioningRunObject::SPEED => {
-                (text!("speed_rad_s"), 1e-2, self.set().motor.velocity_max_rad_s)
-            }
-            _ => (text!("travel_rad"), 1e-3, TRAVEL_MAX_RAD),
+            CommissioningRunObject::SPEED => (
+                text!("speed_rad_s"),
+                &mut run.speed_rad_s,
+                SPEED_MIN_RAD_S,
+                motor.velocity_max_rad_s,
+            ),
+            _ => (text!("travel_rad"), &mut run.travel_rad, TRAVEL_MIN_RAD, TRAVEL_MAX_RAD),
         };
         let number = f32::from_bits(word);
         if !(number >= least && number <= most) {
             let why = refusal!("{name} = {f32}: must be {f32} to {f32}", name, number, least, most);
-            return Err(self.base.staging.refuse(Abort::Value, why));
+            return Err(self.base.refuse(Abort::Value, why));
         }
-        let run = &mut self.motion.commissioning;
-        *match place {
-            CommissioningRunObject::CURRENT => &mut run.current_a,
-            CommissioningRunObject::SPEED => &mut run.speed_rad_s,
-            _ => &mut run.travel_rad,
-        } = number;
+        *setting = number;
         Ok(())
     }
 
@@ -68,30 +69,30 @@ impl<F: NorFlash> Device<F> {
                     "order = {u32}: must be 0 (stop), 1 (measure the motor), 2 (continue) or 3 (friction run)",
                     order
                 );
-                return Err(self.base.staging.refuse(Abort::Value, why));
+                return Err(self.base.refuse(Abort::Value, why));
             }
         }
         Ok(())
     }
 
     fn confirm_master(&mut self) {
-        self.motion.commissioning.alive_us = self.base.now_us;
+        self.motion.commissioning.confirmed_us = self.base.now_us;
         self.base.supervisor.record_command(self.base.now_us);
     }
 
     /// Checks the conditions of a run that controls the bridge.
     pub(super) fn may_begin(&mut self) -> Result<(), Abort> {
         self.finish_trial();
-        if self.base.settings.source == InputSource::Bus {
+        if self.base.settings.is_in_hil() {
             let why = text!("a joint in HIL drives no motor that could be measured (2001h:1)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         if self.is_armed() {
             let why = text!("the joint is armed: disarm first");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         if let Some(why) = self.update_blocks_arming() {
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         self.confirm_master();
         Ok(())
@@ -116,15 +117,13 @@ impl<F: NorFlash> Device<F> {
     fn begin_commissioning(&mut self) -> Result<(), Abort> {
         self.may_begin()?;
         self.base.check_start()?;
-        self.base.supervisor.arm_to_commission(self.base.now_us).map_err(|refusal| {
-            self.base.blocking = refusal.causes.fault_bits();
-            self.base.staging.refuse(Abort::State, refusal)
-        })?;
+        let armed = self.base.supervisor.arm_to_commission(self.base.now_us);
+        armed.map_err(|refusal| self.base.refuse_arming(refusal))?;
         let bounds = CommissioningBounds {
             current_a: self.motion.commissioning_current_a(&self.base),
             travel_rad: self.motion.commissioning.travel_rad,
             gear_ratio: self.set().motor.gear_ratio,
-            bus_v: self.base.current_loop.report().bus_voltage_v.unwrap_or(0.0),
+            bus_v: self.base.report().bus_voltage_v.unwrap_or(0.0),
         };
         self.motion.commissioning.run.begin(bounds);
         self.motion.commissioning.is_friction_run = false;
@@ -136,8 +135,7 @@ impl<F: NorFlash> Device<F> {
         if !self.motion.is_measuring_motor() {
             return;
         }
-        let found_all =
-            self.motion.commissioning.run.process_block(&self.base.current_loop.report().probe);
+        let found_all = self.motion.commissioning.run.process_block(&self.base.report().probe);
         if !self.motion.is_measuring_motor() {
             self.base.supervisor.disarm();
         }

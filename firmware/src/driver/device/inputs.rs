@@ -10,8 +10,8 @@
 
 use super::Device;
 use crate::driver::counters::count;
-use crate::hil::{HilJoint, HilReply, HilStep, NetworkGuard};
-use crate::node::dictionary::records::{OutputsObject, TraceObject};
+use crate::hil::{HilJoint, HilReply, HilStep};
+use crate::node::dictionary::records::TraceObject;
 use crate::node_settings::{InputSource, NodeSettings};
 use compensator_core::can::{
     AnswerFrame, Frame, JointKind, Message, NodeId, StatusFrame, SyncFrame, TelemetryFrame,
@@ -22,7 +22,7 @@ use embedded_storage::nor_flash::NorFlash;
 /// The frames of a sample: what was received, the joint in HIL, and the last reply.
 #[derive(Debug)]
 pub(crate) struct Samples {
-    hil: HilJoint,
+    pub(super) hil: HilJoint,
     reply: HilReply,
     /// Run and kind of the joint in a trace.
     run: u32,
@@ -45,27 +45,9 @@ impl Samples {
         self.hil = hil;
     }
 
-    /// Commands this current, A, to the joint in HIL.
-    pub(super) fn set_hil_command(&mut self, current_a: f32) {
-        self.hil.set_command(current_a);
-    }
-
-    /// Returns the state of the network of a joint in HIL.
-    pub(super) fn network_guard(&self) -> Option<NetworkGuard> {
-        self.hil.network_guard()
-    }
-
-    /// Returns the last outputs (2005h).
-    pub(crate) fn outputs(&self) -> OutputsObject {
-        let HilReply { answer, status, telemetry } = self.reply;
-        OutputsObject {
-            friction_torque_nm: answer.friction_torque_nm.to_bits(),
-            feed_forward_current_a: answer.feed_forward_current_a.to_bits(),
-            flags: status.flags.bits(),
-            sequence: status.sequence,
-            current_a: telemetry.current_a.to_bits(),
-            residual_torque_nm: telemetry.residual_torque_nm.to_bits(),
-        }
+    /// Returns the last outputs: the words of 2005h.
+    pub(crate) fn outputs(&self) -> [u32; 6] {
+        self.reply.words()
     }
 
     /// Returns the place in a trace (2000h).
@@ -80,9 +62,7 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn take(&mut self, message: &Message, frame: &Frame, node: NodeId, now_us: u64) {
         let is_taken = match message {
             // A joint on its own sensors sends Motion and Torque itself and receives neither.
-            Message::Motion(..) | Message::Torque(..) => {
-                self.base.settings.source == InputSource::Bus
-            }
+            Message::Motion(..) | Message::Torque(..) => self.base.settings.is_in_hil(),
             Message::Command(..) => !self.motion.profile.is_active(),
             _ => true,
         };
@@ -137,7 +117,7 @@ impl<F: NorFlash> Device<F> {
             }
         }
         let reply = self.samples.reply;
-        if self.base.settings.source == InputSource::Bus
+        if self.base.settings.is_in_hil()
             && let Some(watch) = &mut self.base.watch
         {
             let residual_nm = reply.telemetry.residual_torque_nm;
@@ -148,18 +128,19 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn measured_reply(&self) -> HilReply {
+        let report = self.base.report();
         HilReply {
             answer: AnswerFrame {
-                friction_torque_nm: self.base.current_loop.report().friction_torque_nm,
-                feed_forward_current_a: self.base.current_loop.report().feed_forward_current_a,
+                friction_torque_nm: report.friction_torque_nm,
+                feed_forward_current_a: report.feed_forward_current_a,
             },
             status: StatusFrame {
-                flags: self.base.current_loop.report().flags | self.network.flags(),
+                flags: report.flags | self.network.flags(),
                 sequence: self.samples.hil.inbox().sequence().wrapping_sub(1),
             },
             telemetry: TelemetryFrame {
-                current_a: self.base.current_loop.report().current_a,
-                residual_torque_nm: self.base.current_loop.report().residual_torque_nm,
+                current_a: report.current_a,
+                residual_torque_nm: report.residual_torque_nm,
             },
         }
     }
@@ -171,7 +152,7 @@ impl<F: NorFlash> Device<F> {
             TraceEntry::Sequence(_) => {}
             TraceEntry::JointKind(kind) => self.samples.joint_kind = kind,
         }
-        if self.samples.hil.take(message) && self.base.settings.source == InputSource::Bus {
+        if self.samples.hil.take(message) && self.base.settings.is_in_hil() {
             self.restart_adaptation();
         }
     }

@@ -16,11 +16,14 @@
 //! A stuck encoder and a broken coupling look the same at rest, so that both stop the joint. The difference counts from
 //! the arming on, and includes play and torsion of the gear.
 
-use super::{Device, InputSource};
+use super::Device;
 use crate::control::LoopFlags;
 use crate::control::transform::{RAD_PER_UNIT, binary_angle};
 use crate::driver::angle;
+use crate::driver::loop_data::LoopReport;
 use crate::node::dictionary::records::JointEncoderObject;
+use crate::parameter_set::ParameterSet;
+use crate::sensors::SensorParameters;
 use crate::sensors::biss::{BissEncoder, WORDS};
 use crate::sensors::evaluation::Evaluation;
 use embedded_storage::nor_flash::NorFlash;
@@ -120,74 +123,89 @@ impl JointEncoder {
         self.state = state;
         self.warning_left = WARNING_REPORTS;
     }
-}
 
-impl<F: NorFlash> Device<F> {
-    /// Evaluates the frame of a report.
-    #[inline(never)]
-    pub(super) fn step_joint_encoder(&mut self) {
-        let is_on_sensors = self.base.settings.source == InputSource::Sensors;
-        let words = self.joint_encoder.words;
-        if !is_on_sensors || words.is_none() {
-            return;
-        }
-        let drives = self.base.is_bridge_in_use() && !self.motion.is_measuring_motor();
-        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
-        let (sensors, motor, side) = (&set.sensors, &set.motor, &mut self.joint_encoder);
-        side.turned += i64::from(report.rotor_angle.wrapping_sub(side.rotor) as i32);
-        side.rotor = report.rotor_angle;
-        side.warning_left = side.warning_left.saturating_sub(1);
+    /// Follows the rotor to a report. `drives`: the joint is armed, and its motor is not measured.
+    fn follow_rotor(&mut self, report: &LoopReport, drives: bool) {
+        self.turned += i64::from(report.rotor_angle.wrapping_sub(self.rotor) as i32);
+        self.rotor = report.rotor_angle;
+        self.warning_left = self.warning_left.saturating_sub(1);
         if report.loop_flags.contains(LoopFlags::ENCODER_LOST) {
             // Nothing to compare with: the next frame begins anew.
-            side.sides = None;
+            self.sides = None;
         }
-        if drives && !side.was_driving {
-            side.armed_rad = f32::NAN;
+        if drives && !self.was_driving {
+            self.armed_rad = f32::NAN;
         }
-        side.was_driving = drives;
+        self.was_driving = drives;
+    }
+
+    /// Returns the angle of the joint in the last frame, 2^-32 turns; `None` without a valid one.
+    fn angle(&mut self, sensors: &SensorParameters) -> Option<u32> {
         let bits = [sensors.joint_encoder_bits, sensors.joint_encoder_turn_bits];
         let [bits, turn_bits] = bits.map(|bits| bits as u32);
-        let angle = match BissEncoder::new(bits, turn_bits).evaluate(words) {
+        let angle = match BissEncoder::new(bits, turn_bits).evaluate(self.words) {
             Evaluation::Angle(angle) => angle,
             Evaluation::Doubtful(angle) => {
-                side.warning_left = WARNING_REPORTS;
+                self.warning_left = WARNING_REPORTS;
                 angle
             }
-            Evaluation::Missing | Evaluation::Contradiction => return side.reject(state::MISSING),
+            Evaluation::Missing | Evaluation::Contradiction => return None,
         };
         let is_reversed = sensors.joint_encoder_direction < 0.0;
         let angle = if is_reversed { angle.wrapping_neg() } else { angle };
-        let angle = angle.wrapping_add(binary_angle(sensors.joint_encoder_offset_rad));
+        Some(angle.wrapping_add(binary_angle(sensors.joint_encoder_offset_rad)))
+    }
+
+    /// Evaluates the frame of a report; `drives` as in [`Self::follow_rotor`].
+    fn step(&mut self, report: &LoopReport, set: &ParameterSet, drives: bool) {
+        self.follow_rotor(report, drives);
+        let (sensors, motor) = (&set.sensors, &set.motor);
+        let Some(angle) = self.angle(sensors) else { return self.reject(state::MISSING) };
         let joint_per_motor = motor.joint_direction / motor.gear_ratio;
-        let joint = match side.sides {
+        let joint = match self.sides {
             Some(last) => {
                 // The motor shows the turns that missing frames do not.
-                let expected = ((side.turned - last.turned) as f32 * joint_per_motor) as i64;
+                let expected = ((self.turned - last.turned) as f32 * joint_per_motor) as i64;
                 let off = angle.wrapping_sub(last.angle).wrapping_sub(expected as u32) as i32;
                 last.joint + expected + i64::from(off)
             }
             None => i64::from(angle as i32),
         };
         let position_rad = joint as f32 * RAD_PER_UNIT - LATCHED_AFTER_S * report.velocity_rad_s;
-        let apart_rad = position_rad - side.turned as f32 * (RAD_PER_UNIT * joint_per_motor);
+        let apart_rad = position_rad - self.turned as f32 * (RAD_PER_UNIT * joint_per_motor);
         let window_rad = sensors.joint_encoder_window_rad;
         // Without a window nothing is compared.
         let window_rad = if window_rad > 0.0 { window_rad } else { f32::INFINITY };
-        if let Some(last) = side.sides
-            && side.jumps < MOST_JUMPS
+        if let Some(last) = self.sides
+            && self.jumps < MOST_JUMPS
             && (apart_rad - last.apart_rad).abs() > JUMP_SHARE * window_rad
         {
-            side.jumps += 1;
-            return side.reject(state::JUMPS);
+            self.jumps += 1;
+            return self.reject(state::JUMPS);
         }
-        side.jumps = 0;
-        side.sides = Some(Sides { angle, joint, turned: side.turned, apart_rad });
-        side.position_rad = position_rad;
-        if side.armed_rad.is_nan() {
-            side.armed_rad = apart_rad;
+        self.jumps = 0;
+        self.sides = Some(Sides { angle, joint, turned: self.turned, apart_rad });
+        self.position_rad = position_rad;
+        if self.armed_rad.is_nan() {
+            self.armed_rad = apart_rad;
         }
-        side.difference_rad = apart_rad - side.armed_rad;
-        let is_apart = drives && side.difference_rad.abs() > window_rad;
-        side.state = if is_apart { state::APART } else { state::VALID };
+        self.difference_rad = apart_rad - self.armed_rad;
+        let is_apart = drives && self.difference_rad.abs() > window_rad;
+        self.state = if is_apart { state::APART } else { state::VALID };
+    }
+}
+
+impl<F: NorFlash> Device<F> {
+    /// Evaluates the frame of a report. A joint in HIL has no side of its own.
+    #[inline(never)]
+    pub(super) fn step_joint_encoder(&mut self) {
+        let words = self.joint_encoder.words;
+        if words.is_none() || self.base.settings.is_in_hil() {
+            self.joint_encoder = JointEncoder { words, ..JointEncoder::default() };
+            return;
+        }
+        let drives = self.base.is_bridge_in_use() && !self.motion.is_measuring_motor();
+        let (report, set) = (self.base.report(), self.base.set());
+        self.joint_encoder.step(report, set, drives);
     }
 }

@@ -1,6 +1,6 @@
 //! The home over a reset: see [`crate::driver::home`].
 
-use super::{Device, InputSource};
+use super::Device;
 use crate::control::LoopFlags;
 use crate::driver::home::{KeptHome, has_turns, is_absolute, shaft_number};
 use crate::node::sdo::Abort;
@@ -33,14 +33,14 @@ impl<F: NorFlash> Device<F> {
     /// Sets the kept home once the encoder is read and the joint is at rest. Called with each report.
     #[inline(never)]
     pub(super) fn restore_home(&mut self) {
-        let report = self.base.current_loop.report();
+        let report = self.base.report();
         let is_lost = report.loop_flags.contains(LoopFlags::ENCODER_LOST);
         match self.home {
             HomeState::Settled => {}
             HomeState::Kept(kept) => {
                 let Some(encoder) = self.angle_from_zero(report) else { return };
                 let turned_rad = report.turned_rad;
-                let (turns, set) = (self.turn_readings.turns(), self.base.staging.active());
+                let (turns, set) = (self.turn_readings.turns(), self.base.set());
                 if has_turns(set) && kept.turns.is_some() && turns.is_none() {
                     return;
                 }
@@ -50,7 +50,7 @@ impl<F: NorFlash> Device<F> {
                     }
                     Err(why) => {
                         self.home = HomeState::Settled;
-                        let _ = self.base.staging.refuse(Abort::State, why);
+                        let _ = self.base.refuse(Abort::State, why);
                     }
                 }
             }
@@ -75,9 +75,8 @@ impl<F: NorFlash> Device<F> {
 
     /// Returns angle and position of the last report; `None` without an angle. The position is NaN before homing.
     pub(super) fn measured_home(&self) -> Option<KeptHome> {
-        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
-        let is_absolute_joint =
-            self.base.settings.source == InputSource::Sensors && is_absolute(set);
+        let (report, set) = (self.base.report(), self.base.set());
+        let is_absolute_joint = !self.base.settings.is_in_hil() && is_absolute(set);
         let is_known = is_absolute_joint && !self.turn_readings.contradict();
         let encoder = self.angle_from_zero(report).filter(|_| is_known)?;
         Some(KeptHome {

@@ -1,19 +1,10 @@
 //! The stored block of settings and parameters, and the defaults.
 
-use crate::node_settings::{MAX_BLOCK_BYTES, NodeSettings};
+use crate::joint_node::{StoredBlock, recall};
+use crate::node_settings::NodeSettings;
 use crate::parameter_set::ParameterSet;
-use crate::store::{Identity, LoadError, SaveOutcome, SavePlace, Store, StoreError};
-use compensator_core::parameters::Text;
+use crate::store::{Identity, SaveOutcome, SavePlace, Store, StoreError, StoreHealth};
 use embedded_storage::nor_flash::NorFlash;
-
-/// A stored block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum StoredBlock {
-    /// The one that a start loads.
-    Newest,
-    /// The one that was saved before it.
-    Former,
-}
 
 /// The store, with what is known of its content.
 #[derive(Debug)]
@@ -40,43 +31,22 @@ impl<F: NorFlash> Memory<F> {
         }
     }
 
-    /// Reads the set of a stored block, and returns the settings beside it. If nothing is stored, the newest are the
-    /// defaults. `None` if the block is not intact or refused; the set is then undefined.
-    // Not inlined: the stack of the block is free again when the set is built.
-    #[inline(never)]
+    /// Reads the set of a stored block, and returns the settings beside it, as [`recall`]. If nothing is stored, the newest are
+    /// the defaults.
     pub(super) fn recall(
         &mut self,
         from: StoredBlock,
         set: &mut ParameterSet,
     ) -> Option<NodeSettings> {
-        let mut block = [0; MAX_BLOCK_BYTES];
-        let loaded = match from {
-            StoredBlock::Newest => self.store.load(&mut block),
-            StoredBlock::Former => self.store.load_former(&mut block),
-        };
-        match loaded {
-            Ok(loaded) => {
-                let (settings, parameters) = NodeSettings::split(block.get(..loaded.length)?)?;
-                set.read(parameters).ok()?;
-                Some(settings)
-            }
-            Err(LoadError::Empty) if from == StoredBlock::Newest => {
-                *set = ParameterSet::default();
-                Some(self.defaults)
-            }
-            Err(_) => None,
+        let recalled = recall(&mut self.store, from, set);
+        if recalled.is_some()
+            || from == StoredBlock::Former
+            || self.store.health() != StoreHealth::Empty
+        {
+            return recalled;
         }
-    }
-
-    /// Returns the first quantity with which a set may compensate more friction than the set in the flash.
-    // Not inlined: the stack of the stored set is free again afterwards.
-    #[inline(never)]
-    pub(super) fn larger_than_stored(&mut self, set: &ParameterSet) -> Option<Text> {
-        let mut stored = ParameterSet::default();
-        if self.recall(StoredBlock::Newest, &mut stored).is_none() {
-            stored = ParameterSet::default();
-        }
-        set.larger_quantity(&stored)
+        *set = ParameterSet::default();
+        Some(self.defaults)
     }
 
     /// Stores a block, and the identity of its settings.

@@ -6,7 +6,6 @@ use crate::driver::profile::DriveRequest;
 use crate::driver::profile::stop::{StopCause, StopReaction};
 use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
-use crate::node_settings::InputSource;
 use compensator_core::can::Frame;
 use compensator_core::text;
 use embedded_storage::nor_flash::NorFlash;
@@ -28,7 +27,7 @@ impl<F: NorFlash> Device<F> {
     /// Reports a refusal.
     #[inline(never)]
     pub(crate) fn refuse(&mut self, Refused { abort, why }: Refused) -> Abort {
-        self.base.staging.refuse(abort, why)
+        self.base.refuse(abort, why)
     }
 
     #[inline(never)]
@@ -42,9 +41,9 @@ impl<F: NorFlash> Device<F> {
         }
         if orders.confirms {
             self.base.supervisor.record_command(self.base.now_us);
-            if self.base.settings.source == InputSource::Bus {
+            if self.base.settings.is_in_hil() {
                 let current_a = self.motion.torque_mode_current_a(&self.base);
-                self.samples.set_hil_command(current_a);
+                self.samples.hil.set_command(current_a);
             }
         }
         if let Some(code) = orders.trips {
@@ -57,7 +56,7 @@ impl<F: NorFlash> Device<F> {
 
     /// 6079h, mV; 0 if it is not measured.
     pub(crate) fn bus_millivolts(&self) -> u32 {
-        (self.base.current_loop.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
+        (self.base.report().bus_voltage_v.unwrap_or_default() * 1e3) as u32
     }
 
     /// 603Fh: the emergency code of the first fault; 0 for none.
@@ -79,9 +78,12 @@ impl<F: NorFlash> Device<F> {
                 self.move_by(Motion::update_stop);
                 Ok(())
             }
-            DriveRequest::Arm => self.request(1).inspect_err(|_| self.motion.profile.arm_refused()),
-            DriveRequest::Disarm => self.request(0),
-            DriveRequest::ClearFaults => self.request(2),
+            DriveRequest::Arm => self.arm().inspect_err(|_| self.motion.profile.arm_refused()),
+            DriveRequest::Disarm => {
+                self.disarm_by_master();
+                Ok(())
+            }
+            DriveRequest::ClearFaults => self.clear_faults(),
             DriveRequest::Home if self.motion.profile.homes_at_stop() => {
                 self.move_by(Motion::begin_homing);
                 Ok(())
@@ -139,7 +141,7 @@ impl<F: NorFlash> Device<F> {
     #[inline(never)]
     pub(super) fn forget_command(&mut self) {
         self.base.received.reset_command();
-        self.motion.targets = Default::default();
+        self.motion.target_us = None;
     }
 
     /// Stops the joint because its network stops, with the reaction of 6007h. A ramp after a fault goes on.
@@ -174,12 +176,12 @@ impl<F: NorFlash> Device<F> {
     ) -> Result<(), Abort> {
         let mut changed = self.base.settings.drive;
         let written = changed.set(at_index, sub_index, word).ok_or(Abort::ReadOnly)?;
-        written.map_err(|error| self.base.staging.refuse(Abort::Value, error))?;
+        written.map_err(|error| self.base.refuse(Abort::Value, error))?;
         if changed.has_short() && !self.set().motor.is_short_bounded() {
             let why = text!(
                 "-1 (short): the shorted motor would exceed overcurrent_a at velocity_max_rad_s"
             );
-            return Err(self.base.staging.refuse(Abort::Value, why));
+            return Err(self.base.refuse(Abort::Value, why));
         }
         self.base.settings.drive = changed;
         Ok(())
@@ -210,6 +212,6 @@ impl<F: NorFlash> Device<F> {
             self.motion.begin_brake_test(true);
             return Ok(());
         };
-        Err(self.base.staging.refuse(Abort::State, why))
+        Err(self.base.refuse(Abort::State, why))
     }
 }

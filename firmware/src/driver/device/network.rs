@@ -7,7 +7,7 @@
 use super::Device;
 use crate::control::covariates::{Covariates, MotionReadings};
 use crate::driver::loop_data::LoopReport;
-use crate::hil::NetworkGuard;
+use crate::hil::network_object;
 use crate::node::dictionary::records::NetworkObject;
 use crate::node_settings::{InputSource, NodeSettings};
 use crate::parameter_set::ParameterSet;
@@ -28,7 +28,7 @@ impl LiveNetwork {
     /// Creates the network of a set, for a joint on its own sensors. A network that cannot be built was refused
     /// at its commit.
     pub(super) fn of(set: &ParameterSet, settings: &NodeSettings) -> Self {
-        let network = set.network.as_ref().filter(|_| settings.source == InputSource::Sensors);
+        let network = set.network.as_ref().filter(|_| !settings.is_in_hil());
         let hold_s = set.friction.compensator.hold_s;
         let supplier = network.and_then(|network| FactorSupplier::build(network, hold_s).ok());
         Self { supplier, ..Self::default() }
@@ -69,16 +69,6 @@ impl LiveNetwork {
         }
         Some(supplier.state().factors)
     }
-
-    fn guard(&self) -> Option<NetworkGuard> {
-        let state = self.supplier.as_ref()?.state();
-        Some(NetworkGuard {
-            is_outside: state.is_outside,
-            outside_count: state.outside_count,
-            share: state.share,
-            factors: state.factors,
-        })
-    }
 }
 
 /// Returns the inputs of the network; the velocity is that of the observer.
@@ -103,31 +93,22 @@ impl<F: NorFlash> Device<F> {
     pub fn supply(&mut self, covariates: &Covariates, now_us: u64) -> Option<Factors<f32>> {
         let compensates = self.base.supervisor.is_bridge_allowed()
             && self.base.supervisor.is_compensation_allowed();
-        self.network.supply(compensates, self.base.current_loop.report(), covariates, now_us)
+        self.network.supply(compensates, self.base.report(), covariates, now_us)
     }
 
     /// Returns the network object: zeros and factors of 1 if there is no network.
     pub(crate) fn network_state(&self) -> NetworkObject {
-        let has = self.set().network.is_some();
-        let guard = match self.base.settings.source {
-            InputSource::Bus => self.samples.network_guard(),
-            InputSource::Sensors => self.network.guard(),
+        let state = match self.base.settings.source {
+            InputSource::Bus => self.samples.hil.network_object(),
+            InputSource::Sensors => self.network.supplier.as_ref().map(network_object),
         };
-        let none = NetworkGuard {
-            is_outside: false,
-            outside_count: 0,
-            share: 0.0,
-            factors: Factors::default(),
-        };
-        let guard = guard.unwrap_or(none);
-        NetworkObject {
-            present: has.into(),
-            outside: guard.is_outside.into(),
-            outside_count: guard.outside_count,
-            share: guard.share.to_bits(),
-            coulomb_factor: guard.factors.coulomb.to_bits(),
-            static_factor: guard.factors.static_level.to_bits(),
-            stiffness_factor: guard.factors.stiffness.to_bits(),
-        }
+        let one = 1f32.to_bits();
+        state.unwrap_or(NetworkObject {
+            present: self.set().network.is_some().into(),
+            coulomb_factor: one,
+            static_factor: one,
+            stiffness_factor: one,
+            ..NetworkObject::default()
+        })
     }
 }

@@ -1,14 +1,14 @@
 //! The trial of a parameter set (2042h), and the record of the tuning (2043h).
 //!
 //! While a trial is open, active set, settings of the drive and record are those of the master. Only the order that ends
-//! the trial saves them. The master renews the deadline. Without it, after a fault or if the connection is lost, the joint stops and returns
-//! to what its flash holds. There is no other copy, so a trial begins only with the stored values in use, and a reset ends
-//! it by itself.
+//! the trial saves them. The master renews the deadline. Without it, after a fault or if the connection is lost, the joint
+//! stops and returns to what its flash holds. There is no other copy, so a trial begins only with the stored values in use,
+//! and a reset ends it by itself.
 
 use super::Device;
-use super::memory::StoredBlock;
 use crate::control::PERIOD_S;
 use crate::driver::profile::stop::{StopCause, fault_cause};
+use crate::joint_node::StoredBlock;
 use crate::loop_parts::LoopParts;
 use crate::node::dictionary::records::{TrialObject, TuningObject};
 use crate::node::sdo::Abort;
@@ -107,14 +107,14 @@ impl<F: NorFlash> Device<F> {
             (RETURN, TrialState::Returning) => {}
             (KEEP | RETURN | KEEP_AND_SAVE, _) => {
                 let why = text!("no parameter set is on trial");
-                return Err(self.base.staging.refuse(Abort::State, why));
+                return Err(self.base.refuse(Abort::State, why));
             }
             (order, _) => {
                 let why = refusal!(
                     "order = {u32}: must be 1 (keep), 2 (return) or 3 (keep and save)",
                     order
                 );
-                return Err(self.base.staging.refuse(Abort::Value, why));
+                return Err(self.base.refuse(Abort::Value, why));
             }
         }
         Ok(())
@@ -155,23 +155,19 @@ impl<F: NorFlash> Device<F> {
         }
         self.finish_trial();
         if let Some(why) = self.update_blocks_arming() {
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         let faults = self.base.supervisor.faults();
         if !faults.is_empty() {
-            self.base.blocking = faults.fault_bits();
-            return Err(self
-                .base
-                .staging
-                .refuse(Abort::State, self.base.supervisor.remaining(faults)));
+            return Err(self.base.refuse_blocked(faults));
         }
         if !self.is_newest_in_use() {
             let why = text!(
                 "parameters or drive settings are not those in the flash: save them first (1010h:1)"
             );
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
-        let stored_crc = self.base.staging.crcs().0;
+        let stored_crc = self.base.staging.active_crc();
         self.trial =
             ParameterTrial { state: TrialState::Open, stored_crc, ..ParameterTrial::default() };
         Ok(())
@@ -183,7 +179,7 @@ impl<F: NorFlash> Device<F> {
         let mut set = ParameterSet::default();
         let stored = self.memory.recall(StoredBlock::Newest, &mut set);
         stored.is_some_and(|stored| {
-            set.crc() == self.base.staging.crcs().0 && stored.drive == self.base.settings.drive
+            set.crc() == self.base.staging.active_crc() && stored.drive == self.base.settings.drive
         })
     }
 
@@ -192,7 +188,7 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn refuse_in_trial(&mut self) -> Result<(), Abort> {
         if self.trial.is_open() {
             let why = text!("a parameter set is on trial: keep it or return first (2042h:2)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         Ok(())
     }
@@ -253,13 +249,12 @@ impl<F: NorFlash> Device<F> {
         let _ = self.base.supervisor.configure(&self.base.staging.active().thresholds);
         self.base.supervisor.set_parameter_source(ParameterSource::DefaultRefused);
         self.follow_set();
-        let built =
-            LoopParts::build(self.base.staging.active(), self.base.identity.stage, PERIOD_S);
+        let built = LoopParts::build(self.base.set(), self.base.identity.stage, PERIOD_S);
         self.base.start.set_refused(built.err());
     }
 
-    /// Makes a stored set active, with the settings of the drive and the record of the tuning beside it, if it has this CRC. Otherwise nothing changes
-    /// but the staged set. Returns true if it is active.
+    /// Makes a stored set active, with the settings of the drive and the record of the tuning beside it, if it has this CRC.
+    /// Otherwise nothing changes but the staged set. Returns true if it is active.
     #[inline(never)]
     fn adopt(&mut self, from: StoredBlock, crc: u32) -> bool {
         let before = self.base.settings;
@@ -300,7 +295,7 @@ impl<F: NorFlash> Device<F> {
         self.refuse_in_trial()?;
         if !self.adopt(StoredBlock::Former, self.base.settings.tuning[SET_BEFORE]) {
             let why = text!("the flash does not hold the set from before the tuning (2043h:3)");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         self.base.settings.tuning = TuningRecord::default();
         self.memory.is_undone = true;

@@ -11,12 +11,14 @@ mod objects;
 mod sync;
 mod transmit;
 
-use super::{Device, InputSource, Message, NodeId};
+use super::{Device, Message, NodeId};
 use crate::driver::counters::count;
 use crate::driver::motion::Target;
+use crate::joint_node::sample_frames::{MOTION, SLOW_TYPE, SYNC_ORDER, TELEMETRY};
 use crate::node::dictionary::index;
 use crate::node::dictionary::records::TransmitPdoObject as Parameter;
 use crate::node::sdo::{Abort, Objects};
+use crate::node_settings::InputSource;
 use canopen_rs::Address;
 use compensator_core::can::{FdTelemetry, Frame, FrameError, SyncFrame};
 use embedded_storage::nor_flash::NorFlash;
@@ -41,30 +43,8 @@ const RECEIVE_COMMAND: usize = 1;
 /// Receive PDOs up to here are event-driven by default.
 const LAST_EVENT_DRIVEN: usize = RECEIVE_COMMAND;
 
-/// Transmit PDO with the friction torque and the feed-forward current.
-const ANSWER: usize = 0;
-
-/// Transmit PDO with flags and sequence.
-const STATUS: usize = 1;
-
-/// Transmit PDO with every n-th sample (2001h:5).
-const TELEMETRY: usize = 2;
-
-/// Transmit PDO with velocity and position, which a master needs at every SYNC.
-const MOTION: usize = 3;
-
-/// Transmit PDO with torque and load torque.
-const TORQUE: usize = 4;
-
-/// A joint on its sensors sends its other PDOs at every n-th SYNC, so that its frames take 39 % of a bus of 1 Mbit/s at
-/// 1 kHz. At every SYNC, they would take 88 %.
-const SLOW_TYPE: u8 = 10;
-
 /// Transmit PDO of the CiA 402 drive, which has no identifier by default.
 const DRIVE: usize = 5;
-
-/// Order of the transmit PDOs at a SYNC: what was measured, then what was computed.
-const SYNC_ORDER: [usize; PDOS] = [MOTION, TORQUE, ANSWER, STATUS, TELEMETRY, DRIVE];
 
 /// A receive PDO.
 #[derive(Clone, Copy, Debug)]
@@ -137,7 +117,7 @@ impl<F: NorFlash> Device<F> {
     fn default_transmit_type(&self, slot: usize) -> u8 {
         let settings = &self.base.settings;
         let is_at_every_sync = [MOTION, DRIVE].contains(&slot)
-            || settings.source == InputSource::Bus
+            || settings.is_in_hil()
             || self.sends_fd_telemetry()
             // 2001h:5 states the rate of Telemetry.
             || slot == TELEMETRY && settings.telemetry_every > 1;
@@ -327,7 +307,7 @@ impl<F: NorFlash> Device<F> {
         });
         let occasion = SendOccasion::Sync { counter };
         let mut is_empty = true;
-        for slot in SYNC_ORDER {
+        for slot in SYNC_ORDER.into_iter().chain([DRIVE]) {
             if slot == TELEMETRY && !has_telemetry {
                 continue;
             }

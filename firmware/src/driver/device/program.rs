@@ -131,7 +131,7 @@ impl<F: NorFlash> Device<F> {
         self.refuse_in_trial()?;
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
         let written = session.write(self.memory.store.flash_mut(), bytes, self.base.now_us);
-        written.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
+        written.map_err(|error| self.base.refuse(error.abort(), error.text()))
     }
 
     /// Executes a command of object 1F51h.
@@ -140,14 +140,14 @@ impl<F: NorFlash> Device<F> {
         if command == CLEAR && self.program.running == RunningState::Trial {
             // The other slot holds the only program that is known to work.
             let why = text!("this program is on trial: clear the other one after its confirmation");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         if command == RESTART {
             self.note_ordered_restart();
         }
         let Some(session) = &mut self.program.session else { return Err(self.no_updates()) };
         let done = session.control(self.memory.store.flash_mut(), command, self.base.now_us);
-        done.map_err(|error| self.base.staging.refuse(error.abort(), error.text()))
+        done.map_err(|error| self.base.refuse(error.abort(), error.text()))
     }
 
     /// Notes that the bus orders the restart that follows: it does not count as a failure of a trial. If the mark fails,
@@ -166,16 +166,14 @@ impl<F: NorFlash> Device<F> {
     }
 
     fn no_updates(&mut self) -> Abort {
-        self.base
-            .staging
-            .refuse(Abort::Refused, text!("this board has no place for a second program"))
+        self.base.refuse(Abort::Refused, text!("this board has no place for a second program"))
     }
 
     /// Verifies a package in parts, and confirms or ends a trial. Called once per tick.
     pub(super) fn tick_program(&mut self, now_us: u64) {
         let Some(session) = &mut self.program.session else { return };
         if let Err(error) = session.tick(self.memory.store.flash_mut(), now_us) {
-            self.base.staging.refuse(error.abort(), error.text());
+            self.base.refuse(error.abort(), error.text());
         }
         if self.program.running == RunningState::Trial {
             self.tick_trial(now_us);

@@ -4,8 +4,9 @@ use super::Device;
 use super::network::LiveNetwork;
 use crate::driver::motion::Motion;
 use crate::hil::HilJoint;
+use crate::joint_node::larger_than_stored;
 use crate::node::sdo::Abort;
-use crate::node_settings::{InputSource, NodeSettings, emit_block};
+use crate::node_settings::{NodeSettings, emit_block};
 use crate::parameter_set::ParameterSet;
 use crate::supervisor::{self, Code};
 use compensator_core::refusal;
@@ -17,39 +18,35 @@ impl<F: NorFlash> Device<F> {
     pub(crate) fn request(&mut self, request: u8) -> Result<(), Abort> {
         match request {
             0 => {
-                self.motion.stopping.open_low_sides();
-                self.disarm();
+                self.disarm_by_master();
                 Ok(())
             }
             1 => self.arm(),
-            2 if self.base.supervisor.is_stopping() => Err(self
-                .base
-                .staging
-                .refuse(Abort::State, text!("the joint still stops: wait until it stands"))),
-            2 => self.base.supervisor.clear_faults().map_err(|left| {
-                self.base.blocking = left.fault_bits();
-                if left.contains(Code::GateDriverFault) {
-                    // The gate driver may latch its fault until it has slept, and the bridge is off. The next
-                    // request succeeds.
-                    self.base.current_loop.reset_gate_driver();
-                    let why = refusal!(
-                        "still present:{faults}{limits} (its driver was reset: ask again)",
-                        left.fault_bits(),
-                        left.limit_bits()
-                    );
-                    return self.base.staging.refuse(Abort::State, why);
-                }
-                self.base.staging.refuse(Abort::State, self.base.supervisor.remaining(left))
-            }),
-            _ => Err(self.base.staging.refuse_request(request)),
+            2 => self.clear_faults(),
+            _ => Err(self.base.refuse_request(request)),
         }
+    }
+
+    /// Disarms the joint, and opens its low sides.
+    pub(super) fn disarm_by_master(&mut self) {
+        self.motion.stopping.shorts_low_sides = false;
+        self.disarm();
+    }
+
+    /// Clears the faults whose causes have ended, once the joint has stopped.
+    pub(super) fn clear_faults(&mut self) -> Result<(), Abort> {
+        if self.base.supervisor.is_stopping() {
+            let why = text!("the joint still stops: wait until it stands");
+            return Err(self.base.refuse(Abort::State, why));
+        }
+        self.base.clear_faults()
     }
 
     /// Sets the joint position, rad: known at rest at a stop, or from a sensor behind the gear.
     pub(crate) fn set_position(&mut self, position_rad: f32) -> Result<(), Abort> {
-        if self.base.settings.source == InputSource::Bus {
+        if self.base.settings.is_in_hil() {
             let why = text!("set_position_rad: a joint in HIL receives its position over the bus");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         self.base.set_position(position_rad)?;
         self.begin_home(None);
@@ -57,22 +54,23 @@ impl<F: NorFlash> Device<F> {
         Ok(())
     }
 
-    fn arm(&mut self) -> Result<(), Abort> {
+    /// Arms the joint, on its own sensors or in HIL.
+    pub(super) fn arm(&mut self) -> Result<(), Abort> {
         self.finish_trial();
         if self.motion.is_commissioning() {
             let why = text!(
                 "commissioning is running: wait until it has ended, or stop it (200Ch:1 = 0)"
             );
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         if self.motion.brake_test.is_running() {
             let why = text!("the brake is being tested: wait until 2030h:12 is not 1");
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
         if let Some(why) = self.update_blocks_arming() {
-            return Err(self.base.staging.refuse(Abort::State, why));
+            return Err(self.base.refuse(Abort::State, why));
         }
-        if self.base.settings.source == InputSource::Sensors {
+        if !self.base.settings.is_in_hil() {
             let is_test_due = self.motion.is_brake_test_due(&self.base);
             if !is_test_due {
                 self.move_by(Motion::begin_driving);
@@ -86,11 +84,7 @@ impl<F: NorFlash> Device<F> {
         // A joint in HIL drives nothing: it needs no set-point and no bus voltage, but must have no fault.
         let causes = self.hil_blocking_codes();
         if !causes.is_empty() {
-            self.base.blocking = causes.fault_bits();
-            return Err(self
-                .base
-                .staging
-                .refuse(Abort::State, self.base.supervisor.remaining(causes)));
+            return Err(self.base.refuse_blocked(causes));
         }
         self.arm_hil(true);
         Ok(())
@@ -110,26 +104,27 @@ impl<F: NorFlash> Device<F> {
         self.base.staging.validate_commit(meant)?;
         // More friction than the joint has drives it, and no watch bounds that in every motion.
         if !self.is_service()
-            && let Some(larger) = self.memory.larger_than_stored(self.base.staging.staged())
+            && let Some(larger) =
+                larger_than_stored(&mut self.memory.store, self.base.staging.staged())
         {
             let why = refusal!("{name}: larger than stored, which needs the service level", larger);
-            return Err(self.base.staging.refuse(Abort::Locked, why));
+            return Err(self.base.refuse(Abort::Locked, why));
         }
         let hil = {
             let set = self.base.staging.staged();
             let (network, setup) = (set.network.as_ref(), self.base.settings.hil_setup());
             HilJoint::build(self.base.settings.node, &set.friction, network, setup)
         };
-        let hil = hil.map_err(|error| self.base.staging.refuse(Abort::Value, error))?;
+        let hil = hil.map_err(|error| self.base.refuse(Abort::Value, error))?;
         let set = self.base.staging.staged();
         if self.base.settings.drive.has_short() && !set.motor.is_short_bounded() {
             let why = text!(
                 "overcurrent_a: the shorted motor would exceed it, and a reaction to a stop is -1 (605Ah to 605Eh)"
             );
-            return Err(self.base.staging.refuse(Abort::Value, why));
+            return Err(self.base.refuse(Abort::Value, why));
         }
         let buildable = set.check_buildable();
-        buildable.map_err(|error| self.base.staging.refuse(Abort::Value, error))?;
+        buildable.map_err(|error| self.base.refuse(Abort::Value, error))?;
         self.base.accept_staged()?;
         self.samples.set_hil(hil);
         self.base.activate_staged();
@@ -140,18 +135,18 @@ impl<F: NorFlash> Device<F> {
     /// Makes all but the supervisor's thresholds and the joint in HIL follow the set that became active.
     pub(super) fn follow_set(&mut self) {
         self.base.follow_set();
-        self.network = LiveNetwork::of(self.base.staging.active(), &self.base.settings);
+        self.network = LiveNetwork::of(self.base.set(), &self.base.settings);
         self.restart_adaptation();
     }
 
     /// Applies other settings; a new node number is used from the next start.
     pub(crate) fn set_settings(&mut self, settings: NodeSettings) -> Result<(), Abort> {
-        let set = self.base.staging.active();
+        let set = self.base.set();
         let watch = self.base.watch_of(&settings);
         let (network, setup) = (set.network.as_ref(), settings.hil_setup());
         let live = LiveNetwork::of(set, &settings);
         let hil = HilJoint::build(self.base.settings.node, &set.friction, network, setup);
-        self.samples.set_hil(hil.map_err(|error| self.base.staging.refuse(Abort::Value, error))?);
+        self.samples.set_hil(hil.map_err(|error| self.base.refuse(Abort::Value, error))?);
         self.base.watch = watch;
         self.network = live;
         let is_resampled = (self.base.settings.source, self.base.settings.period_s)
@@ -167,7 +162,7 @@ impl<F: NorFlash> Device<F> {
     /// Stores settings and the active set. The caller has checked that they may be saved: a trial ends by its own order.
     pub(crate) fn save(&mut self) -> Result<(), Abort> {
         let settings = self.base.settings;
-        let block = emit_block(&settings, self.base.staging.active());
+        let block = emit_block(&settings, self.base.set());
         self.write_block(&block, &settings)?;
         self.memory.is_stored = true;
         Ok(())
@@ -184,9 +179,6 @@ impl<F: NorFlash> Device<F> {
     fn write_block(&mut self, block: &[u8], settings: &NodeSettings) -> Result<(), Abort> {
         let saved = self.memory.save(block, &settings.identity());
         self.base.supervisor.set_store_health(self.memory.store.health());
-        match saved {
-            Ok(_) => Ok(()),
-            Err(error) => Err(self.base.staging.refuse(Abort::Hardware, error)),
-        }
+        saved.map(drop).map_err(|error| self.base.refuse(Abort::Hardware, error))
     }
 }

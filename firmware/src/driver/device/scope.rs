@@ -67,13 +67,13 @@ impl<F: NorFlash> Device<F> {
             0 => self.scope.stop(),
             1 => {
                 let started = self.scope.start();
-                started.map_err(|why| self.base.staging.refuse(Abort::Refused, why))?;
+                started.map_err(|why| self.base.refuse(Abort::Refused, why))?;
             }
             2 => self.scope.request_trigger(),
             _ => {
                 let why =
                     text!("the order of the scope (2013h:1) is 0 (stop), 1 (start) or 2 (trigger)");
-                return Err(self.base.staging.refuse(Abort::Value, why));
+                return Err(self.base.refuse(Abort::Value, why));
             }
         }
         Ok(())

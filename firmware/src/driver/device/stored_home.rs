@@ -11,8 +11,8 @@
 //! that stands is written after [`FAILING_REST_US`], without an erase. Only a holding brake makes it stand without power: a joint
 //! without one may begin to fall, by any number of turns.
 
+use super::Device;
 use super::kept_home::HomeState;
-use super::{Device, InputSource};
 use crate::driver::home::{KeptHome, has_turns, is_absolute, shaft_number};
 use crate::node::sdo::Abort;
 use crate::store::{FoundHome, HomeRecord, StoreHealth};
@@ -44,7 +44,7 @@ pub(super) struct StoredHome {
 impl<F: NorFlash> Device<F> {
     /// Takes the home that the start found in flash. It is used if the board has kept none.
     pub(super) fn begin_stored_home(&mut self, found: FoundHome) {
-        let shaft = shaft_number(self.base.staging.active());
+        let shaft = shaft_number(self.base.set());
         let home = match found {
             FoundHome::None => return,
             // A program on trial may follow an older one, which has moved the joint without a mark.
@@ -53,7 +53,7 @@ impl<F: NorFlash> Device<F> {
                 encoder: record.encoder,
                 shaft: record.shaft,
                 may_move: false,
-                turns: has_turns(self.base.staging.active()).then_some(record.turns),
+                turns: has_turns(self.base.set()).then_some(record.turns),
             },
             _ => KeptHome { position_rad: 0.0, encoder: 0, shaft, may_move: true, turns: None },
         };
@@ -63,8 +63,7 @@ impl<F: NorFlash> Device<F> {
         } else {
             self.stored_home.recorded = Some(home);
         }
-        let is_absolute_joint = self.base.settings.source == InputSource::Sensors
-            && is_absolute(self.base.staging.active());
+        let is_absolute_joint = !self.base.settings.is_in_hil() && is_absolute(self.base.set());
         if is_absolute_joint && matches!(self.home, HomeState::Settled) {
             self.begin_home(Some(home));
         }
@@ -102,7 +101,7 @@ impl<F: NorFlash> Device<F> {
                 && home.position_rad.is_finite()
                 && is_settled
                 && !is_outdated
-                && (home.turns.is_some() || !has_turns(self.base.staging.active()))
+                && (home.turns.is_some() || !has_turns(self.base.set()))
         });
         let Some(home) = home.filter(|_| is_stored) else {
             stored.rest_us = now_us;
@@ -135,7 +134,7 @@ impl<F: NorFlash> Device<F> {
             self.disarm();
             let why =
                 text!("the flash cannot mark the stored home as lost: the joint is not armed");
-            let _ = self.base.staging.refuse(Abort::Refused, why);
+            let _ = self.base.refuse(Abort::Refused, why);
         }
     }
 }

@@ -2,8 +2,9 @@
 //!
 //! A term whose quantity is missing has no effect, and the model is then another one than was identified.
 
-use super::{Device, InputSource};
+use super::Device;
 use crate::log::log;
+use crate::node_settings::InputSource;
 use compensator_core::TermKind;
 use compensator_core::quantity::Quantity;
 use embedded_storage::nor_flash::NorFlash;

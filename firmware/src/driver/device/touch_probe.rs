@@ -83,7 +83,7 @@ impl<F: NorFlash> Device<F> {
             let why = text!(
                 "touch_probe_function: the source (bits 2, 3 and 10, 11) must be 0 (input) or 1 (zero of the encoder)"
             );
-            return Err(self.base.staging.refuse(Abort::Value, why));
+            return Err(self.base.refuse(Abort::Value, why));
         }
         let probes = &mut self.touch;
         for (probe, ignored) in probes.ignored.iter_mut().enumerate() {
@@ -101,7 +101,7 @@ impl<F: NorFlash> Device<F> {
 
     /// Takes the edges of a report.
     pub(super) fn step_touch_probes(&mut self) {
-        let report = self.base.current_loop.report();
+        let report = self.base.report();
         let input = self.edges_of_input(report);
         let from_zero = self.angle_from_zero(report);
         let before = self.touch.from_zero;

@@ -8,7 +8,7 @@
 //! programming keeps the background waiting for 0.2 ms, and thinning a full journal takes as long as a save. The gains
 //! in use start at the set after a restart. The seal may have been replaced meanwhile, and learning takes a minute.
 
-use super::{Device, InputSource};
+use super::Device;
 use crate::node::sdo::Abort;
 use crate::store::{LastEntry, TIME_UNIT_S, TrendEntry};
 use compensator_core::Real;
@@ -98,11 +98,10 @@ impl<F: NorFlash> Device<F> {
         let Some(learner) = self.adaptation.learner() else { return };
         self.trend.count(learner);
         // A joint in HIL repeats the torques of another one.
-        if self.base.is_bridge_in_use() || self.base.settings.source == InputSource::Bus {
+        if self.base.is_bridge_in_use() || self.base.settings.is_in_hil() {
             return;
         }
-        let set_level_nm =
-            self.base.staging.active().friction.model.get(ParameterId::CoulombTorque);
+        let set_level_nm = self.base.set().friction.model.get(ParameterId::CoulombTorque);
         let Some(entry) = self.trend.due_entry(learner, set_level_nm) else { return };
         let may_erase = !self.memory.is_undone;
         // Without a stored set or with a worn flash, the next attempt follows after more learning.
@@ -115,10 +114,9 @@ impl<F: NorFlash> Device<F> {
     /// Returns the length of the stored trend, bytes.
     pub(crate) fn trend_length(&mut self) -> Result<usize, Abort> {
         match self.memory.store.trend_length() {
-            0 => Err(self
-                .base
-                .staging
-                .refuse(Abort::Refused, text!("no trend of learnt levels is stored"))),
+            0 => {
+                Err(self.base.refuse(Abort::Refused, text!("no trend of learnt levels is stored")))
+            }
             length => Ok(length),
         }
     }

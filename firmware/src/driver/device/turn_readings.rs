@@ -48,7 +48,7 @@ impl<F: NorFlash> Device<F> {
     /// Evaluates the first words of the last frame of a BiSS encoder, once per tick.
     #[inline(never)]
     pub(super) fn step_turn_readings(&mut self) {
-        let (report, set) = (self.base.current_loop.report(), self.base.staging.active());
+        let (report, set) = (self.base.report(), self.base.set());
         if !has_turns(set) {
             return;
         }
@@ -63,7 +63,7 @@ impl<F: NorFlash> Device<F> {
             Some(if is_reversed { (!turns).wrapping_add(carry) } else { turns })
         });
         let readings = &mut self.turn_readings;
-        let home_number = self.base.current_loop.orders().2.number;
+        let home_number = self.base.current_loop.home().number;
         if readings.last != read || readings.home_number != home_number {
             readings.equal = 0;
         }
@@ -80,7 +80,7 @@ impl<F: NorFlash> Device<F> {
             let why = text!(
                 "the number of turns of the encoder contradicts the motion: the home is not kept"
             );
-            let _ = self.base.staging.refuse(Abort::State, why);
+            let _ = self.base.refuse(Abort::State, why);
         }
     }
 }

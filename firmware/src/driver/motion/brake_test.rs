@@ -16,7 +16,6 @@ use crate::control::LoopFlags;
 use crate::driver::angle::micro;
 use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
-use crate::node_settings::InputSource;
 use compensator_core::refusal;
 use compensator_core::text;
 
@@ -109,7 +108,7 @@ impl Motion {
         let interval_us = u64::from(drive.brake_test_interval_h) * HOUR_US;
         let is_old = interval_us > 0
             && self.brake_test.held_us.is_none_or(|at_us| joint.now_us - at_us >= interval_us);
-        joint.settings.source == InputSource::Sensors
+        !joint.settings.is_in_hil()
             && drive.brake_output != 0
             && drive.brake_test_torque != 0
             && (is_old || self.brake_test.has_failed())

@@ -13,7 +13,6 @@ use super::velocity::VelocityTarget;
 use crate::control::Setpoint;
 use crate::driver::profile;
 use crate::joint_node::JointBase;
-use crate::node_settings::InputSource;
 
 /// Who commands the joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,7 +34,7 @@ pub(crate) enum Mover {
     /// CST or mode 4.
     Torque,
     /// Homing by the present position, which gives no torque.
-    Nobody,
+    TorqueFree,
     /// Command frames, without a mode of CiA 402.
     Commands,
 }
@@ -49,7 +48,7 @@ impl Mover {
 
     /// Returns true if a master gives the torque, and no loop above the current loop holds the speed.
     pub(crate) const fn is_torque(self) -> bool {
-        matches!(self, Self::Torque | Self::Nobody | Self::Commands)
+        matches!(self, Self::Torque | Self::TorqueFree | Self::Commands)
     }
 }
 
@@ -57,7 +56,7 @@ impl Motion {
     /// Returns who commands the joint.
     #[inline(never)]
     pub(crate) fn mover(&self, joint: &JointBase) -> Mover {
-        let is_on_sensors = joint.settings.source == InputSource::Sensors;
+        let is_on_sensors = !joint.settings.is_in_hil();
         match self.profile.mode {
             _ if self.is_measuring_motor() => Mover::MotorMeasurement,
             _ if self.is_friction_run() => Mover::FrictionRun,
@@ -67,7 +66,7 @@ impl Motion {
             profile::CSV if is_on_sensors => Mover::CyclicVelocity,
             profile::PV if is_on_sensors => Mover::ProfileVelocity,
             profile::CST | profile::TQ => Mover::Torque,
-            _ if self.profile.is_active() => Mover::Nobody,
+            _ if self.profile.is_active() => Mover::TorqueFree,
             _ => Mover::Commands,
         }
     }
@@ -118,7 +117,7 @@ impl Motion {
     /// Stage 2 of the velocity loop: the limit of its current, A.
     fn velocity_loop_limit_a(&self, joint: &JointBase, mover: Mover) -> f32 {
         let limit_a = match mover {
-            Mover::FrictionRun => self.friction_limit_a(),
+            Mover::FrictionRun => self.commissioning.friction.bounds().current_a,
             _ => joint.rated_current_a() * self.profile.max_share() * self.torque_share(joint),
         };
         limit_a * joint.supervisor.current_share()
@@ -142,7 +141,7 @@ impl Motion {
             Mover::MotorMeasurement => (0.0, 0.0),
             Mover::BrakeTest => (self.brake_test.current_a(), 0.0),
             Mover::Torque => (self.torque_mode_current_a(joint), f32::NAN),
-            Mover::Nobody => (0.0, f32::NAN),
+            Mover::TorqueFree => (0.0, f32::NAN),
             Mover::Commands => return joint.received.setpoint(now_us),
             _ => {
                 let command = self.velocity.command();
@@ -158,7 +157,7 @@ impl Motion {
     pub(crate) fn torque_mode_current_a(&self, joint: &JointBase) -> f32 {
         let rated_a = joint.rated_current_a();
         match self.profile.mode {
-            profile::TQ => self.modes.torque_current_a(rated_a),
+            profile::TQ => self.modes.torque_permille * 1e-3 * rated_a,
             profile::CST => {
                 let most_a = self.profile.max_share() * rated_a;
                 let wanted_a = self.profile.target_share() * rated_a + self.offset_current_a(joint);
@@ -171,12 +170,12 @@ impl Motion {
     /// Last stage of the set-point: its age, s, which is the time since who must confirm it did; 0 if nobody must.
     fn setpoint_age_s(&self, joint: &JointBase, mover: Mover, now_us: u64) -> f32 {
         let since_us = match mover {
-            Mover::MotorMeasurement | Mover::FrictionRun => self.confirmed_us(),
+            Mover::MotorMeasurement | Mover::FrictionRun => self.commissioning.confirmed_us,
             Mover::BrakeTest if self.brake_test.is_requested() => return 0.0,
             Mover::Hold if self.stopping.is_to_rest() => return 0.0,
             _ if !self.profile.is_active() => return joint.received.setpoint(now_us).age_s,
-            _ => match self.targets.at_us() {
-                Some(at_us) => at_us,
+            _ => match self.target_us {
+                Some(target_us) => target_us,
                 None => return Setpoint::NONE.age_s,
             },
         };

@@ -6,7 +6,6 @@
 
 use super::Motion;
 use crate::control::pi::Margins;
-use crate::control::probe::ProbeCommand;
 use crate::control::transform::{Rotating, Rotation, binary_angle};
 use crate::control::{MotorParameters, PERIOD_S};
 use crate::driver::commissioning::friction_run::{FrictionRun, FrictionSample};
@@ -35,8 +34,8 @@ with_defaults! {
         pub(crate) current_a: f32,
         pub(crate) travel_rad: f32 = TRAVEL_RAD,
         pub(crate) speed_rad_s: f32 = SPEED_RAD_S,
-        /// Time of the master's last confirmation.
-        pub(crate) alive_us: u64,
+        /// Time of the master's last confirmation, us.
+        pub(crate) confirmed_us: u64,
     }
 }
 
@@ -55,26 +54,6 @@ impl Motion {
     /// Returns true during a friction run.
     pub(crate) fn is_friction_run(&self) -> bool {
         self.commissioning.friction.is_running()
-    }
-
-    /// Takes the levels of Hall sensors, once per tick.
-    pub(crate) fn take_hall(&mut self, levels: u8) {
-        self.commissioning.run.take_hall(levels);
-    }
-
-    /// Returns the command for the measurement in the interrupt.
-    pub(crate) fn probe(&self) -> Option<ProbeCommand> {
-        self.commissioning.run.probe_command()
-    }
-
-    /// Returns the time of the master's last confirmation, us.
-    pub(crate) const fn confirmed_us(&self) -> u64 {
-        self.commissioning.alive_us
-    }
-
-    /// Returns the current limit of a friction run, A.
-    pub(crate) fn friction_limit_a(&self) -> f32 {
-        self.commissioning.friction.bounds().current_a
     }
 
     /// Returns the target velocity of a step of the friction run, rad/s; `None` if it has ended.

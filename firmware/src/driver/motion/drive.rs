@@ -61,20 +61,6 @@ impl Target {
     }
 }
 
-/// Time of the last target.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Targets {
-    /// In us; `None` if none came since the mode or a setting changed.
-    at_us: Option<u64>,
-}
-
-impl Targets {
-    /// Returns the time of the last target, us.
-    pub(crate) const fn at_us(&self) -> Option<u64> {
-        self.at_us
-    }
-}
-
 impl JointBase {
     /// Returns the rated current, A: the lower one of the current limits.
     #[inline(never)]
@@ -118,27 +104,19 @@ impl JointBase {
         micro(f32::from_bits(self.measured().velocity_rad_s))
     }
 
-    /// Returns true if the bus voltage is above the level of an undervoltage fault.
+    /// Returns true if the bus voltage is above the level of an undervoltage fault. A joint in HIL needs none.
     pub(crate) fn is_powered(&self) -> bool {
         let level_v = self.supervisor.thresholds().bus_undervoltage_v;
-        match self.settings.source {
-            InputSource::Sensors => {
-                self.report().bus_voltage_v.is_some_and(|bus_v| bus_v > level_v)
-            }
-            InputSource::Bus => true,
-        }
+        self.settings.is_in_hil()
+            || self.report().bus_voltage_v.is_some_and(|bus_v| bus_v > level_v)
     }
 
     pub(crate) fn fault_state(&self) -> FaultState {
-        match (self.is_faulty(), self.supervisor.is_stopping()) {
-            (false, _) => FaultState::None,
-            (true, true) => FaultState::Reacting,
-            (true, false) => FaultState::Latched,
+        match self.supervisor.state() {
+            JointState::Fault if self.supervisor.is_stopping() => FaultState::Reacting,
+            JointState::Fault => FaultState::Latched,
+            JointState::Safe | JointState::Armed => FaultState::None,
         }
-    }
-
-    pub(crate) fn is_faulty(&self) -> bool {
-        self.supervisor.state() == JointState::Fault
     }
 
     /// Returns true if the joint is slow enough for homing.
@@ -213,7 +191,7 @@ impl Motion {
             );
             return Err(Refused::new(Abort::Value, why));
         }
-        if ![0, profile::CST].contains(&mode) && joint.settings.source == InputSource::Bus {
+        if ![0, profile::CST].contains(&mode) && joint.settings.is_in_hil() {
             let why = refusal!(
                 "a joint in HIL drives nothing and has no position of its own: mode {i32} needs the joint's own sensors (2001h:1)",
                 mode
@@ -273,7 +251,7 @@ impl Motion {
     /// Refreshes the age of the master's target. Has no effect outside the profile.
     pub(crate) fn confirm_target(&mut self, joint: &JointBase) {
         if self.profile.is_active() {
-            self.targets.at_us = Some(joint.now_us);
+            self.target_us = Some(joint.now_us);
             self.orders.confirms = true;
         }
     }
@@ -286,7 +264,7 @@ impl Motion {
         // A stop ends by itself, and so does a test of the brake on request.
         let needs_none = self.stopping.is_to_rest() || self.brake_test.is_requested();
         let is_followed = is_followed && !needs_none;
-        let is_late = joint.now_us.saturating_sub(self.targets.at_us.unwrap_or(0)) >= deadline_us;
+        let is_late = joint.now_us.saturating_sub(self.target_us.unwrap_or(0)) >= deadline_us;
         if is_followed && deadline_us > 0 && is_late {
             self.orders.trips = Some(Code::CommandTimeout);
         }

@@ -21,7 +21,6 @@ use crate::driver::profile::{self, Homing, SetPoint};
 use crate::driver::trajectory::{Interpolation, MoveLimits, Reference};
 use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
-use crate::node_settings::InputSource;
 use compensator_core::text;
 
 /// Share of the homing torque that counts as reached: the loop's own limit.
@@ -76,7 +75,7 @@ impl Motion {
             profile::HOMING => self.profile.homes_at_stop(),
             _ => false,
         };
-        is_mode && joint.settings.source == InputSource::Sensors
+        is_mode && !joint.settings.is_in_hil()
     }
 
     /// Restarts position control, at every arming.
@@ -302,7 +301,7 @@ impl Motion {
     /// Returns the limits of 607Dh, if they act.
     fn position_limits(&self, joint: &JointBase) -> Option<[Angle; 2]> {
         let drive = &joint.settings.drive;
-        let is_known = joint.settings.source == InputSource::Sensors
+        let is_known = !joint.settings.is_in_hil()
             && !joint.report().position_rad.is_nan()
             && self.profile.mode != profile::HOMING;
         (is_known && drive.position_min < drive.position_max)

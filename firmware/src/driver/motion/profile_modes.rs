@@ -8,7 +8,6 @@
 //! velocity modes. Position modes bring their reference to rest with a ramp. So neither torque nor velocity jumps, and the
 //! master writes the targets of a mode after the mode.
 
-use super::drive::Targets;
 use super::offsets::Offsets;
 use super::velocity::VelocityTarget;
 use super::{Motion, Refused};
@@ -18,40 +17,22 @@ use crate::driver::profile::stop::StopCause;
 use crate::driver::profile::{self, Homing, SetPoint, status};
 use crate::joint_node::JointBase;
 use crate::node::sdo::Abort;
-use crate::node_settings::InputSource;
 use compensator_core::refusal;
 
 /// State of the profile modes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ProfileModes {
     /// Torque demand of mode 4, thousandths of the rated torque.
-    torque_permille: f32,
+    pub(super) torque_permille: f32,
     /// Reports for which the velocity is within its window, and for which the joint stands (mode 3).
-    reached_reports: u16,
+    pub(super) reached_reports: u16,
     standing_reports: u16,
-}
-
-impl ProfileModes {
-    /// The target of mode 3 has changed: it is not reached.
-    pub(crate) fn begin_velocity(&mut self) {
-        self.reached_reports = 0;
-    }
-
-    /// Returns the current of mode 4, A, at this rated current.
-    pub(crate) fn torque_current_a(&self, rated_a: f32) -> f32 {
-        self.torque_permille * 1e-3 * rated_a
-    }
-
-    /// Starts the torque of mode 4 at this value, thousandths of the rated torque.
-    pub(crate) fn begin_torque(&mut self, permille: f32) {
-        self.torque_permille = permille;
-    }
 }
 
 impl Motion {
     /// Returns true if mode 4 commands the torque.
     pub(crate) fn is_in_profile_torque(&self, joint: &JointBase) -> bool {
-        joint.settings.source == InputSource::Sensors && self.profile.mode == profile::TQ
+        !joint.settings.is_in_hil() && self.profile.mode == profile::TQ
     }
 
     /// Returns the maximum speed of mode 3, rad/s.
@@ -166,11 +147,11 @@ impl Motion {
             self.profile.target_permille = 0;
             self.profile.target_micro_rad_s = 0;
             self.offsets = Offsets::default();
-            self.targets = Targets::default();
+            self.target_us = None;
             return Ok(());
         }
         let continues = joint.supervisor.is_armed()
-            && joint.settings.source == InputSource::Sensors
+            && !joint.settings.is_in_hil()
             && !self.is_commissioning()
             && !self.brake_test.is_running();
         if !continues {
@@ -191,7 +172,7 @@ impl Motion {
         self.velocity.continue_from(had_loop, velocity_rad_s, demand_a);
         self.end_position_course();
         let permille = self.permille_of(joint, demand_a);
-        self.modes.begin_torque(permille);
+        self.modes.torque_permille = permille;
         // Not `round`, which needs a function of its own.
         self.profile.target_permille = (permille + 0.5f32.copysign(permille)) as i16;
         self.profile.target_micro_rad_s = micro(self.velocity.command().reference_rad_s);

@@ -12,7 +12,6 @@ use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::stop::{StopCause, StopReaction, fault_cause};
 use crate::driver::profile::{self, STANDSTILL_RAD_S};
 use crate::joint_node::JointBase;
-use crate::node_settings::InputSource;
 use crate::supervisor::CodeSet;
 
 /// Time for which the joint must stand before the bridge opens, us: a few delays of velocity and current.
@@ -52,7 +51,7 @@ pub(crate) struct BrakedLoad {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Stopping {
     stop: Option<Stop>,
-    /// The reaction to the last stop was to short the low sides.
+    /// The low sides are to be shorted while the bridge drives nothing: the reaction to the last stop.
     pub(crate) shorts_low_sides: bool,
     /// Position at which the velocity loop holds the joint, rad from the arbitrary zero.
     held_rad: Option<f32>,
@@ -65,16 +64,6 @@ impl Stopping {
     /// Returns the holding brake.
     pub(crate) const fn brake(&self) -> &HoldingBrake {
         &self.brake
-    }
-
-    /// Returns true if the low sides are to be shorted while the bridge drives nothing.
-    pub(crate) const fn shorts_low_sides(&self) -> bool {
-        self.shorts_low_sides
-    }
-
-    /// Opens the low sides, as a master does by disarming the joint.
-    pub(crate) fn open_low_sides(&mut self) {
-        self.shorts_low_sides = false;
     }
 
     /// Ends the stop.
@@ -103,7 +92,7 @@ impl Stopping {
 impl Motion {
     /// Returns true if the driver can stop the joint with a ramp: it drives the joint, and does not measure its motor.
     pub(crate) fn can_ramp(&self, joint: &JointBase) -> bool {
-        joint.settings.source == InputSource::Sensors && !self.is_commissioning()
+        !joint.settings.is_in_hil() && !self.is_commissioning()
     }
 
     /// Returns the faults after which the joint stops with a ramp.

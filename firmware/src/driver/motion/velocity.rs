@@ -15,7 +15,6 @@ use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::driver::profile::{CSP, CSV, PV};
 use crate::driver::trajectory::VelocityInterpolation;
 use crate::joint_node::JointBase;
-use crate::node_settings::InputSource;
 use core::f32::consts::TAU;
 
 /// Turns per minute of a radian per second.
@@ -124,7 +123,7 @@ impl Motion {
     #[inline(never)]
     pub(crate) fn is_in_velocity_loop(&self, joint: &JointBase) -> bool {
         let is_velocity_mode = matches!(self.profile.mode, CSV | PV);
-        let is_on_sensors = joint.settings.source == InputSource::Sensors;
+        let is_on_sensors = !joint.settings.is_in_hil();
         is_velocity_mode && is_on_sensors || self.is_in_position_control(joint)
     }
 
@@ -170,10 +169,10 @@ impl Motion {
     /// 60FFh: takes a target of the master.
     pub(crate) fn set_target_velocity(&mut self, joint: &JointBase, target_micro_rad_s: i32) {
         if target_micro_rad_s != self.profile.target_micro_rad_s {
-            self.modes.begin_velocity();
+            self.modes.reached_reports = 0;
         }
         self.profile.target_micro_rad_s = target_micro_rad_s;
-        let is_followed = self.profile.mode == CSV && joint.settings.source == InputSource::Sensors;
+        let is_followed = self.profile.mode == CSV && !joint.settings.is_in_hil();
         if is_followed && joint.supervisor.is_armed() {
             let target_rad_s = self.profile.target_rad_s(self.max_speed_rad_s(joint));
             let steps = joint.settings.drive.interpolation_ms();

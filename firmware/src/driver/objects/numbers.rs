@@ -3,9 +3,11 @@
 use crate::driver::device::Device;
 use crate::driver::profile;
 use crate::joint_node::objects::entry;
-use crate::node::dictionary::records::HoldingBrakeObject;
+use crate::node::dictionary::records::{EnclosureObject, HoldingBrakeObject};
 use crate::node::dictionary::{HOMING_METHODS, index};
 use crate::node::sdo::Abort;
+use crate::sensors::bme280::Air;
+use crate::sensors::enclosure;
 use embedded_storage::nor_flash::NorFlash;
 
 impl<F: NorFlash> Device<F> {
@@ -74,7 +76,7 @@ impl<F: NorFlash> Device<F> {
             index::PROGRAM_IDENTIFICATION => entry(&self.program.crcs(), place),
             index::FLASH_STATUS => Ok(self.program.flash_status()),
             index::TRACE => entry(&self.samples.trace_object().words(), place),
-            index::OUTPUTS => entry(&self.samples.outputs().words(), place),
+            index::OUTPUTS => entry(&self.samples.outputs(), place),
             index::COMMISSIONING_RUN => {
                 entry(&self.motion.commissioning_object(&self.base).words(), place)
             }
@@ -82,7 +84,7 @@ impl<F: NorFlash> Device<F> {
             index::LIVE_TERMS => Ok(self.live_terms()),
             index::SCOPE => entry(&self.scope_object().words(), place),
             index::SCOPE_SIGNALS => self.scope_signal(place),
-            index::ENCLOSURE => entry(&self.enclosure_object().words(), place),
+            index::ENCLOSURE => entry(&enclosure_object(&self.enclosure).words(), place),
             index::JOINT_ENCODER => entry(&self.joint_encoder.object().words(), place),
             index::HOLDING_BRAKE if place == HoldingBrakeObject::RELEASED => {
                 Ok(self.motion.stopping.brake().is_released().into())
@@ -103,5 +105,18 @@ impl<F: NorFlash> Device<F> {
             index::NETWORK => entry(&self.network_state().words(), place),
             _ => self.base.number(at_index, place),
         }
+    }
+}
+
+/// Returns the readings of the dry side (2012h).
+fn enclosure_object(readings: &enclosure::Readings) -> EnclosureObject {
+    let air = readings.air.unwrap_or(Air::INVALID);
+    let [first, second] = readings.torque_allowed.unwrap_or_default();
+    EnclosureObject {
+        leak_share: readings.leak_share.unwrap_or(f32::NAN).to_bits(),
+        humidity_percent: air.humidity_percent.to_bits(),
+        housing_pressure_pa: air.pressure_pa.to_bits(),
+        housing_temperature_c: air.temperature_c.to_bits(),
+        torque_allowed: u32::from(first) | u32::from(second) << 1,
     }
 }

@@ -30,20 +30,14 @@ macro_rules! record {
 
             $($(pub const $AT: u8 = (1 + offset_of!($record, $field) / size_of::<u32>()) as u8;)?)*
 
-            /// Returns a record with this word in every entry.
-            #[allow(dead_code)] // Used by some records only.
-            pub const fn filled(word: u32) -> Self {
-                Self { $($field: word),* }
-            }
-
             /// Returns the values in the order of the entries.
             pub const fn words(&self) -> [u32; Self::ENTRIES.len()] {
                 [$(self.$field),*]
             }
 
-            /// Returns a record with these values.
-            #[allow(dead_code)]
-            const fn of([$($field),*]: [u32; Self::ENTRIES.len()]) -> Self {
+            /// Returns the record with this word at a sub-index; `None` if there is no such entry.
+            #[allow(dead_code)] // Used by some records only.
+            pub(crate) const fn of([$($field),*]: [u32; Self::ENTRIES.len()]) -> Self {
                 Self { $($field),* }
             }
         }
@@ -88,7 +82,7 @@ record! {
         faults: Unsigned32, ReadOnly;
         limits: Unsigned32, ReadOnly;
         blocking_codes: Unsigned32, ReadOnly;
-        set_position_rad: Real32, WriteOnly;
+        set_position_rad: Real32, WriteOnly, SET_POSITION;
         /// First test of the board that failed at the start; 0 none. 1 pins of the wiring, 2 duty of the outputs, 3 clock of
         /// the encoder, 4 and 5 offsets of the amplifiers a and b, 10 + n comparator n.
         failed_self_test: Unsigned8, ReadOnly, FAILED_SELF_TEST;
@@ -317,7 +311,7 @@ record! {
     /// Access to the objects of the service level: see [`crate::access`].
     AccessObject {
         /// 0 open, 1 service.
-        level: Unsigned8, ReadOnly;
+        level: Unsigned8, ReadOnly, LEVEL;
         /// 8 bytes, new with every read.
         challenge: Domain, ReadOnly, CHALLENGE;
         /// 8 bytes; valid once, for the last challenge.

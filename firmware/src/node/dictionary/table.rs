@@ -39,39 +39,48 @@ const SERVICE: u8 = 8;
 /// An armed joint accepts a write.
 const ARMED: u8 = 16;
 
-static ROWS: [Row; ALL.len()] = rows().0;
-const LISTED: usize = rows().1;
+static ROWS: [Row; ALL.len()] = rows();
+const LISTED: usize = listed_before(ALL.len());
 static ENTRIES: [ListedEntry; LISTED] = entries();
 
-const fn rows() -> ([Row; ALL.len()], usize) {
+/// Returns the number of entries of the first `count` objects.
+const fn listed_before(count: usize) -> usize {
+    let (mut place, mut listed) = (0, 0);
+    while place < count {
+        listed += ALL[place].listed();
+        place += 1;
+    }
+    listed
+}
+
+const fn rows() -> [Row; ALL.len()] {
     let mut rows = [Row { index: 0, first: 0, highest_sub_index: 0, traits: 0 }; ALL.len()];
-    let (mut at, mut listed) = (0, 0);
-    while at < ALL.len() {
-        let object = &ALL[at];
+    let mut place = 0;
+    while place < ALL.len() {
+        let object = &ALL[place];
         let of_shape = if matches!(object.shape, Shape::Record(_)) { RECORD } else { 0 };
         let of_count = if has_written_count(object) { WRITTEN_COUNT } else { 0 };
         let of_node = if object.is_compact { COMPACT } else { 0 };
         let of_write = rights(object.level, object.is_written_armed);
-        rows[at] = Row {
+        rows[place] = Row {
             index: object.index,
-            first: listed as u16,
+            first: listed_before(place) as u16,
             highest_sub_index: object.highest_sub_index(),
             traits: of_shape | of_count | of_node | of_write,
         };
-        listed += object.listed();
-        at += 1;
+        place += 1;
     }
-    (rows, listed)
+    rows
 }
 
 const fn entries() -> [ListedEntry; LISTED] {
     let mut entries = [ListedEntry::of(ALL[0].listed_entry(0)); LISTED];
-    let (mut at, mut place, mut filled) = (0, 0, 0);
+    let (mut object, mut place, mut filled) = (0, 0, 0);
     while filled < LISTED {
-        entries[filled] = ListedEntry::of(ALL[at].listed_entry(place));
+        entries[filled] = ListedEntry::of(ALL[object].listed_entry(place));
         (place, filled) = (place + 1, filled + 1);
-        if place == ALL[at].listed() {
-            (at, place) = (at + 1, 0);
+        if place == ALL[object].listed() {
+            (object, place) = (object + 1, 0);
         }
     }
     entries

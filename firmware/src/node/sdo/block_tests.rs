@@ -35,12 +35,14 @@ impl Objects for TestObjects {
         value.extend_from_slice(&self.value).map_err(|_| Abort::Memory)
     }
 
-    fn begin_stream(&mut self, at: Address, _: Option<usize>) -> Result<bool, Abort> {
-        self.parts.clear();
-        Ok(at == STREAMED)
+    fn takes_parts(&self, at: Address) -> bool {
+        at == STREAMED
     }
 
     fn write_part(&mut self, _: Address, offset: usize, part: &[u8]) -> Result<(), Abort> {
+        if offset == 0 {
+            self.parts.clear();
+        }
         assert_eq!(offset, self.parts.len(), "a gap");
         assert!((1..=MAX_PART_BYTES).contains(&part.len()));
         if self.refused_from.is_some_and(|limit| offset + part.len() > limit) {

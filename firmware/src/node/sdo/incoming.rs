@@ -25,7 +25,7 @@ impl Incoming {
     ) -> Result<Self, Abort> {
         buffer.clear();
         objects.check_write(at, declared)?;
-        let is_streamed = objects.begin_stream(at, declared)?;
+        let is_streamed = objects.takes_parts(at);
         if !is_streamed && declared.is_some_and(|length| length > MAX_VALUE_BYTES) {
             return Err(Abort::Memory);
         }

@@ -7,7 +7,7 @@ use compensator_core::adaptation::Frozen;
 use compensator_core::can::{CommandFrame, Message};
 use compensator_core::{Flags, ParameterId};
 use firmware::control::LoopFlags;
-use firmware::driver::{Boot, LoopReport};
+use firmware::driver::{Boot, LoopReport, NumberedGains};
 use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::AdaptationObject;
@@ -127,7 +127,7 @@ fn gains_above_the_set_apply_in_torque_modes_on_request_only() {
     let coulomb_nm = bench.driver.joint.set().friction.model.get(ParameterId::CoulombTorque);
     slide(&mut bench, 1.6 * coulomb_nm, 40);
     let learnt = f32::from_bits(bench.number(index::LEARNT_GAINS, 1));
-    let (number, gains) = bench.driver.joint.learnt();
+    let NumberedGains { number, gains } = bench.driver.joint.learnt();
     assert!(learnt > 1.2 && gains.level == learnt, "{learnt} {gains:?}");
     // What limits the torque hides the friction.
     let (none, no_flags) = (LoopFlags::empty(), Flags::empty());
@@ -146,19 +146,19 @@ fn gains_above_the_set_apply_in_torque_modes_on_request_only() {
     }
     let learnt = f32::from_bits(bench.number(index::LEARNT_GAINS, 1));
     mode(&mut bench, ON).unwrap();
-    let (bounded_number, bounded) = bench.driver.joint.learnt();
-    assert_eq!(bounded.level, 1.0, "what is in use");
-    assert_ne!(bounded_number, number, "the loop receives them");
+    let bounded = bench.driver.joint.learnt();
+    assert_eq!(bounded.gains.level, 1.0, "what is in use");
+    assert_ne!(bounded.number, number, "the loop receives them");
     assert!(f32::from_bits(bench.number(index::LEARNT_GAINS, 1)) > 1.2, "what is learnt stays");
     bench.write(index::STATE, 1, &[0]).unwrap();
     bench.write(index::MODE, 0, &[9]).unwrap();
-    assert_eq!(bench.driver.joint.learnt().1.level, learnt, "its own loop holds the speed");
+    assert_eq!(bench.driver.joint.learnt().gains.level, learnt, "its own loop holds the speed");
     bench.write(index::MODE, 0, &[10]).unwrap();
-    assert_eq!(bench.driver.joint.learnt().1.level, 1.0);
+    assert_eq!(bench.driver.joint.learnt().gains.level, 1.0);
     // What was learnt belongs to the set that it was learnt with.
     bench.write(index::MODE, 0, &[9]).unwrap();
     bench.write(index::COMPENSATOR, 1, &0.7f32.to_le_bytes()).unwrap();
     let staged = bench.number(index::COMMIT, 2);
     bench.write(index::COMMIT, 3, &staged.to_le_bytes()).unwrap();
-    assert_eq!(bench.driver.joint.learnt().1.level, 1.0);
+    assert_eq!(bench.driver.joint.learnt().gains.level, 1.0);
 }

@@ -4,11 +4,9 @@
 use super::bench::{Bench, frame};
 use super::pdos::map;
 use compensator_core::can::{Message, SyncFrame};
-use firmware::control::MotorParameters;
-use firmware::driver::{Boot, LoopReport};
+use firmware::driver::LoopReport;
 use firmware::joint_node::Joint as _;
-use firmware::node::dictionary::{SAVE_SIGNATURE, index};
-use firmware::node_settings::InputSource;
+use firmware::node::dictionary::index;
 use firmware::supervisor::Thresholds;
 
 const CST: u8 = 10;
@@ -53,7 +51,8 @@ pub fn state(bench: &mut Bench) -> u16 {
     bench.number(index::STATUSWORD, 0) as u16 & 0x6F
 }
 
-fn enabled() -> Bench {
+/// Creates a joint in CST that is enabled, with a target of 100 thousandths.
+pub fn enabled() -> Bench {
     let mut bench = in_cst();
     for (word, expected) in [(0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)] {
         control(&mut bench, word, 100);
@@ -162,10 +161,11 @@ fn pass_at(bench: &mut Bench, milliseconds: u64, velocity_rad_s: f32, target_mic
     }
 }
 
-#[test]
-fn csv_target_gives_a_current_and_the_velocity_reference() {
+/// Creates a joint that is enabled in CSV and has moved towards 2 rad/s for 10 ms, from -1.5 rad/s.
+fn in_csv() -> Bench {
+    const CSV: u8 = 9;
     let mut bench = in_cst();
-    bench.write(index::MODE, 0, &[9]).unwrap();
+    bench.write(index::MODE, 0, &[CSV]).unwrap();
     assert_eq!(bench.number(index::MODE_DISPLAY, 0), 9);
     // 12 rad/s of the joint at a gear ratio of 51.
     assert_eq!(bench.number(index::MAX_MOTOR_SPEED, 0), 5844);
@@ -173,8 +173,14 @@ fn csv_target_gives_a_current_and_the_velocity_reference() {
         drive_at(&mut bench, word, 0);
     }
     assert_eq!(state(&mut bench), 0x27);
-    // The reference starts at the present speed, -1.5 rad/s, with 50 rad/s^2.
     pass_at(&mut bench, 10, -1.5, 2_000_000);
+    bench
+}
+
+#[test]
+fn csv_target_gives_a_current_and_the_velocity_reference() {
+    let mut bench = in_csv();
+    // The reference starts at the present speed, -1.5 rad/s, with 50 rad/s^2.
     let setpoint = bench.driver.joint.loop_commands(bench.now_us).setpoint;
     assert!((setpoint.velocity_reference_rad_s + 1.0).abs() < 1e-3, "{setpoint:?}");
     assert!(setpoint.current_a > 1.4 && setpoint.current_a < 2.5, "{setpoint:?}");
@@ -193,6 +199,11 @@ fn csv_target_gives_a_current_and_the_velocity_reference() {
         12.0
     );
     assert_ne!(bench.number(index::STATUSWORD, 0) & 1 << 11, 0);
+}
+
+#[test]
+fn drive_in_csv_stops_without_its_master_and_starts_again_at_the_present_speed() {
+    let mut bench = in_csv();
     // Without a message of the master for 0.1 s the joint stops; the age of the set-point shows it.
     pass(&mut bench, 98);
     assert!(bench.driver.joint.is_armed());
@@ -255,59 +266,6 @@ fn drive_pdo_with_identifier_is_sent_at_every_sync() {
     bench.driver.receive(&frame(0, &[0x82, 1]), bench.now_us);
     assert_eq!(bench.number(0x1805, 1), 0x8000_0181);
     assert_eq!(bench.number(0x1800, 1), 0x181);
-}
-
-#[test]
-fn drive_settings_are_checked_stored_and_restored() {
-    let mut bench = in_cst();
-    assert!(bench.write(index::QUICK_STOP_OPTION, 0, &3i16.to_le_bytes()).is_err());
-    bench.check_refusal("quick stop option", &["quick_stop_option", "-1, 0, 1, 2, 5", "6"]);
-    bench.write(index::QUICK_STOP_OPTION, 0, &(-1i16).to_le_bytes()).unwrap();
-    assert_eq!(bench.number(index::QUICK_STOP_OPTION, 0) as i16, -1);
-    bench.write(index::POSITION_LIMITS, 1, &(-500_000i32).to_le_bytes()).unwrap();
-    bench.write(index::HOLDING_BRAKE, 2, &60u16.to_le_bytes()).unwrap();
-    assert!(bench.write(index::HOLDING_BRAKE, 6, &[1]).is_err(), "only the driver releases");
-    bench.write(index::STORE, 1, &SAVE_SIGNATURE.to_le_bytes()).unwrap();
-    let flash = bench.driver.joint.into_flash();
-    let mut bench = Bench::boot(InputSource::Sensors, flash, &Boot::default());
-    assert_eq!(bench.number(index::QUICK_STOP_OPTION, 0) as i16, -1);
-    assert_eq!(bench.number(index::POSITION_LIMITS, 1) as i32, -500_000);
-    assert_eq!(bench.number(index::HOLDING_BRAKE, 2), 60);
-}
-
-/// A motor whose short circuit exceeds the overcurrent level can be neither given the reaction nor combined with it.
-#[test]
-fn shorted_low_sides_are_refused_for_a_motor_with_a_large_short_circuit_current() {
-    let place = MotorParameters::NAMES.iter().position(|name| *name == "overcurrent_a").unwrap();
-    let limit = MotorParameters::NAMES.iter().position(|name| *name == "current_limit_a").unwrap();
-    let low = |bench: &mut Bench| {
-        bench.write(index::MOTOR, limit as u8 + 1, &5f32.to_le_bytes()).unwrap();
-        bench.write(index::MOTOR, place as u8 + 1, &6f32.to_le_bytes()).unwrap();
-        let crc = bench.number(index::COMMIT, 2);
-        bench.write(index::COMMIT, 3, &crc.to_le_bytes())
-    };
-    let mut bench = in_cst();
-    low(&mut bench).unwrap();
-    assert!(bench.write(index::FAULT_OPTION, 0, &(-1i16).to_le_bytes()).is_err());
-    bench.check_refusal("fault option", &["overcurrent_a"]);
-    let mut bench = in_cst();
-    bench.write(index::FAULT_OPTION, 0, &(-1i16).to_le_bytes()).unwrap();
-    assert!(low(&mut bench).is_err());
-    assert!(bench.text(index::REFUSAL).starts_with("overcurrent_a"));
-}
-
-#[test]
-fn armed_drive_accepts_ramps_of_its_moves_and_no_other_setting() {
-    let mut bench = enabled();
-    for at_index in [index::PROFILE_VELOCITY, index::ACCELERATION, index::DECELERATION] {
-        bench.write(at_index, 0, &500_000u32.to_le_bytes()).unwrap();
-    }
-    for (at_index, sub_index) in
-        [(index::QUICK_DECELERATION, 0), (index::POSITION_LIMITS, 1), (index::POSITION_LOOP, 1)]
-    {
-        let refused = bench.write(at_index, sub_index, &500_000u32.to_le_bytes());
-        assert_eq!(refused, Err(0x0800_0022), "{at_index:04X}");
-    }
 }
 
 #[test]
@@ -467,41 +425,6 @@ fn enabling_with_unknown_position_is_refused_if_the_position_is_required() {
     bench.write(index::MODE, 0, &[CST]).unwrap();
     pass(&mut bench, 2);
     assert!(enable(&mut bench), "the position is known");
-}
-
-#[test]
-fn limits_and_heartbeat_change_while_enabled_and_deadlines_do_not() {
-    let mut bench = enabled();
-    control(&mut bench, 0x0F, 500);
-    assert!(
-        (bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a - 13.0).abs() < 1e-4
-    );
-    bench.write(index::MAX_TORQUE, 0, &300u16.to_le_bytes()).unwrap();
-    control(&mut bench, 0x0F, 500);
-    assert!((bench.driver.joint.loop_commands(bench.now_us).setpoint.current_a - 7.8).abs() < 1e-4);
-    bench.write(index::MAX_MOTOR_SPEED, 0, &487u32.to_le_bytes()).unwrap();
-    bench.write(index::HOME_OFFSET, 0, &1000i32.to_le_bytes()).unwrap();
-    bench.write(0x1800, 3, &10u16.to_le_bytes()).unwrap();
-    bench.write(0x1800, 5, &20u16.to_le_bytes()).unwrap();
-    bench.sent();
-    bench.write(index::HEARTBEAT, 0, &10u16.to_le_bytes()).unwrap();
-    for _ in 0..10 {
-        control(&mut bench, 0x0F, 500);
-        pass(&mut bench, 5);
-    }
-    let heartbeats = bench.sent().iter().filter(|frame| frame.identifier() == 0x701).count();
-    assert_eq!(heartbeats, 5);
-    for (at_index, sub_index, value) in [
-        (0x1016, 1, &[0u8; 4][..]),
-        (0x1400, 5, &[50, 0]),
-        (0x1800, 1, &[0x81, 1, 0, 0x80]),
-        (index::MODE, 0, &[0]),
-        (index::COMPENSATOR, 1, &[0; 4]),
-    ] {
-        let refused = bench.write(at_index, sub_index, value);
-        assert_eq!(refused, Err(0x0800_0022), "{at_index:04X}h");
-    }
-    assert!(bench.driver.joint.is_armed());
 }
 
 /// Offers a target of 0.1 rad in PP and returns the demanded position after 20 reports, in its unit. With `is_early`, every

@@ -6,6 +6,7 @@ use firmware::background::BoardState;
 use firmware::driver::LoopReport;
 use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::OperationObject;
 use firmware::sensors::biss::WORDS;
 use firmware::supervisor::Code;
 
@@ -133,4 +134,22 @@ fn sides_that_differ_by_more_than_the_window_stop_an_armed_joint_only() {
     drift(&mut bench, 153, 154);
     bench.write(index::STATE, 1, &[2]).unwrap();
     assert!(bench.driver.joint.supervisor().faults().is_empty());
+}
+
+#[test]
+fn joint_encoder_of_a_joint_in_hil_has_no_position() {
+    let mut bench = Bench::on_sensors();
+    (0..3).for_each(|_| report(&mut bench, 0.1, words(0.2)));
+    report(&mut bench, 0.1, words(0.203));
+    assert!((position_rad(&mut bench) - 0.203).abs() < 3e-5);
+    assert!((difference_rad(&mut bench) - 0.003).abs() < 5e-5);
+    bench.write(index::OPERATION, OperationObject::SOURCE, &[1]).expect("HIL");
+    report(&mut bench, 0.1, words(0.25));
+    assert_eq!(bench.number(index::ADDITIONAL_POSITION, 1), 0x8000_0000);
+    assert_eq!((state(&mut bench), difference_rad(&mut bench)), (0, 0.0));
+    // On its sensors again, it begins anew.
+    bench.write(index::OPERATION, OperationObject::SOURCE, &[0]).expect("its sensors");
+    report(&mut bench, 0.1, words(0.25));
+    assert!((position_rad(&mut bench) - 0.25).abs() < 3e-5);
+    assert_eq!((state(&mut bench), difference_rad(&mut bench)), (0, 0.0));
 }

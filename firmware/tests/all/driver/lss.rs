@@ -118,6 +118,14 @@ fn blank_joint_without_storing_starts_with_its_number_when_the_configuration_end
 }
 
 #[test]
+fn switch_to_an_unknown_mode_changes_nothing() {
+    let mut bus = Bus::new(&[5]);
+    bus.fastscan().unwrap();
+    assert!(bus.command(0x04, 2).is_empty());
+    assert_eq!(bus.command(0x5E, 0), [[0x5E, 255, 0, 0, 0, 0, 0, 0]], "it is still configured");
+}
+
+#[test]
 fn joint_is_selected_by_its_whole_identity_only() {
     let mut bus = Bus::new(&[5, 6]);
     let product = u32::from_be_bytes(*b"FRIC");

@@ -25,6 +25,9 @@ const SYNC: LifeSign = ("SYNC", |bench, at| {
 const HEARTBEAT: LifeSign = ("the awaited heartbeat", |bench, _| {
     bench.driver.receive(&frame(0x707, &[5]), bench.now_us);
 });
+const LONG_HEARTBEAT: LifeSign = ("a heartbeat of two bytes", |bench, _| {
+    bench.driver.receive(&frame(0x707, &[5, 0]), bench.now_us);
+});
 const SYNC_AND_HEARTBEAT: LifeSign = ("SYNC and heartbeat", |bench, at| {
     (SYNC.1)(bench, at);
     (HEARTBEAT.1)(bench, at);
@@ -96,8 +99,11 @@ fn heartbeat_with_event_timer_zero_confirms_the_target_and_sync_does_not() {
     let mut bench = enabled_with_deadline(0);
     assert_eq!(armed_ms(&mut bench, HEARTBEAT), None);
     assert!(bench.driver.joint.loop_commands(bench.now_us).setpoint.age_s < 6e-3);
-    let stopped_ms = armed_ms(&mut bench, SYNC).expect("it stops");
-    assert!((90..=100).contains(&stopped_ms), "{stopped_ms} ms");
+    for sign in [SYNC, LONG_HEARTBEAT] {
+        let mut bench = enabled_with_deadline(0);
+        let stopped_ms = armed_ms(&mut bench, sign).expect("it stops");
+        assert!((90..=100).contains(&stopped_ms), "{}: {stopped_ms} ms", sign.0);
+    }
 }
 
 #[test]

@@ -188,13 +188,22 @@ impl Random {
     }
 }
 
-/// Set and settings of the drive: CRC, position gain, fault reaction.
-type Values = (u32, u32, u32);
+/// Set and settings of the drive in use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Values {
+    set_crc: u32,
+    position_gain: u32,
+    fault_option: u32,
+}
 
 fn values(bench: &mut Bench) -> Values {
-    let crc = bench.driver.joint.set().crc();
-    assert_eq!(bench.number(index::COMMIT, 1), crc);
-    (crc, bench.number(index::POSITION_LOOP, 1), bench.number(index::FAULT_OPTION, 0))
+    let set_crc = bench.driver.joint.set().crc();
+    assert_eq!(bench.number(index::COMMIT, 1), set_crc);
+    Values {
+        set_crc,
+        position_gain: bench.number(index::POSITION_LOOP, 1),
+        fault_option: bench.number(index::FAULT_OPTION, 0),
+    }
 }
 
 /// What a sequence of events must leave.
@@ -205,55 +214,58 @@ struct Expected {
     deadline_us: u64,
 }
 
+/// Opens or renews a trial, sometimes after a save.
+fn open_or_renew(bench: &mut Bench, random: &mut Random, expected: &mut Expected) {
+    let deadline_ms = 100 + random.below(400) as u16;
+    if random.below(2) == 0 && save(bench).is_ok() {
+        expected.stored = expected.active;
+    }
+    let is_returning = trial_state(bench) == 7;
+    if open(bench, deadline_ms).is_ok() {
+        if is_returning {
+            expected.active = expected.stored;
+        }
+        let is_renewal = expected.is_open && !is_returning;
+        assert!(is_renewal || expected.active == expected.stored, "opened unsaved");
+        expected.is_open = true;
+        expected.deadline_us = bench.now_us + 1000 * u64::from(deadline_ms);
+    }
+}
+
+/// Gives an order that ends a trial with its values, and saves them with the second one.
+fn end(bench: &mut Bench, keep: u8, expected: &mut Expected) {
+    if order(bench, keep).is_ok() {
+        assert!(expected.is_open);
+        expected.is_open = false;
+        if keep == KEEP_AND_SAVE {
+            expected.stored = expected.active;
+        }
+    }
+}
+
 /// A random event; `expected` follows what the joint accepts.
 fn step(bench: &mut Bench, random: &mut Random, expected: &mut Expected) {
     match random.below(16) {
-        0..=2 => {
-            let deadline_ms = 100 + random.below(400) as u16;
-            if random.below(2) == 0 && save(bench).is_ok() {
-                expected.stored = expected.active;
-            }
-            let is_returning = trial_state(bench) == 7;
-            if open(bench, deadline_ms).is_ok() {
-                if is_returning {
-                    expected.active = expected.stored;
-                }
-                let is_renewal = expected.is_open && !is_returning;
-                assert!(is_renewal || expected.active == expected.stored, "opened unsaved");
-                expected.is_open = true;
-                expected.deadline_us = bench.now_us + 1000 * u64::from(deadline_ms);
-            }
-        }
+        0..=2 => open_or_renew(bench, random, expected),
         3 | 4 => {
             if commit_scale(bench, random.below(100) as f32 * 0.01).is_ok() {
-                expected.active.0 = bench.number(index::COMMIT, 2);
+                expected.active.set_crc = bench.number(index::COMMIT, 2);
             }
         }
         5 => {
             let gain = 1000 + random.below(100);
             if bench.write(index::POSITION_LOOP, 1, &gain.to_le_bytes()).is_ok() {
-                expected.active.1 = gain;
+                expected.active.position_gain = gain;
             }
         }
         6 => {
             let option = random.below(3) as u16;
             if bench.write(index::FAULT_OPTION, 0, &option.to_le_bytes()).is_ok() {
-                expected.active.2 = option.into();
+                expected.active.fault_option = option.into();
             }
         }
-        7 => {
-            if order(bench, KEEP).is_ok() {
-                assert!(expected.is_open);
-                expected.is_open = false;
-            }
-        }
-        8 if random.below(3) == 0 => {
-            if order(bench, KEEP_AND_SAVE).is_ok() {
-                assert!(expected.is_open);
-                expected.is_open = false;
-                expected.stored = expected.active;
-            }
-        }
+        7 => end(bench, KEEP, expected),
+        8 if random.below(3) == 0 => end(bench, KEEP_AND_SAVE, expected),
         8 => drop(order(bench, RETURN)),
         9 => {
             if save(bench).is_ok() {

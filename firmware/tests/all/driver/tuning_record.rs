@@ -6,6 +6,7 @@ use super::parameter_trial::{
     KEEP, KEEP_AND_SAVE, RETURN, commit_scale, open, order, save, trial_state,
 };
 use firmware::driver::Boot;
+use firmware::joint_node::Joint as _;
 use firmware::node::dictionary::index;
 use firmware::node_settings::InputSource;
 use firmware::store::memory::TornStep;

@@ -130,6 +130,20 @@ fn boot() -> impl Strategy<Value = SupervisorBoot> {
     })
 }
 
+/// Checks what holds in every state.
+fn check_invariants(supervisor: &Supervisor) -> Result<(), TestCaseError> {
+    let state = supervisor.state();
+    prop_assert_eq!(supervisor.is_bridge_allowed(), state == JointState::Armed);
+    prop_assert_eq!(state == JointState::Fault, !supervisor.faults().is_empty());
+    prop_assert!(!supervisor.is_compensation_allowed() || state == JointState::Armed);
+    let dropped = supervisor.limits().intersects(COMPENSATION_DROPPING_CODES);
+    prop_assert!(!(dropped && supervisor.is_compensation_allowed()));
+    prop_assert!(supervisor.faults().without(FAULT_CODES).is_empty());
+    prop_assert!(!supervisor.limits().intersects(FAULT_CODES));
+    prop_assert!((0.0..=1.0).contains(&supervisor.current_share()));
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 600, ..ProptestConfig::default() })]
     #[test]
@@ -201,14 +215,7 @@ proptest! {
             );
             prop_assert!(before != JointState::Fault || state == JointState::Fault || cleared);
             prop_assert!(held.without(supervisor.faults()).is_empty() || cleared, "a fault cleared by itself");
-            prop_assert_eq!(supervisor.is_bridge_allowed(), state == JointState::Armed);
-            prop_assert_eq!(state == JointState::Fault, !supervisor.faults().is_empty());
-            prop_assert!(!supervisor.is_compensation_allowed() || state == JointState::Armed);
-            let dropped = supervisor.limits().intersects(COMPENSATION_DROPPING_CODES);
-            prop_assert!(!(dropped && supervisor.is_compensation_allowed()));
-            prop_assert!(supervisor.faults().without(FAULT_CODES).is_empty());
-            prop_assert!(!supervisor.limits().intersects(FAULT_CODES));
-            prop_assert!((0.0..=1.0).contains(&supervisor.current_share()));
+            check_invariants(&supervisor)?;
             while supervisor.take_event().is_some() {}
         }
     }

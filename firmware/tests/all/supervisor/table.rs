@@ -35,6 +35,51 @@ fn bench_for(code: Code) -> Bench {
     bench
 }
 
+/// Checks that a fault with its cause is raised after its delay and not before. The delay starts with the first observation of
+/// the cause; that of the set-point starts with the last set-point.
+fn check_raised(bench: &mut Bench, code: Code) {
+    let delay_us = raise_after_us(code);
+    let first = if code == Code::CommandTimeout { 0 } else { STEP_US };
+    if delay_us > 0 {
+        bench.run(first + delay_us - STEP_US);
+        assert!(bench.supervisor.faults().is_empty(), "{code:?}");
+    }
+    let armed = bench.supervisor.is_armed();
+    assert_eq!(bench.supervisor.is_bridge_allowed(), armed);
+    bench.step();
+    let supervisor = &mut bench.supervisor;
+    assert_eq!(supervisor.faults(), set(&[code]), "{code:?}");
+    assert_eq!(supervisor.state(), JointState::Fault);
+    assert!(!supervisor.is_bridge_allowed() && !supervisor.is_compensation_allowed());
+    assert!(supervisor.limits().without(implied_codes(code)).is_empty());
+    assert_eq!(supervisor.count_of(code), 1);
+    assert!(bench.events.contains(&Event { code, raised: true }));
+}
+
+/// Checks that a fault refuses to be cleared and to arm until its cause counts as gone: after its delay and not before.
+fn check_refused(bench: &mut Bench, code: Code) {
+    assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])), "{code:?}");
+    let refusal = bench.supervisor.arm(bench.now_us).unwrap_err();
+    assert_eq!(refusal.causes, set(&[code]), "{code:?}");
+    let test = match code {
+        Code::SelfTestFailed => format!(" (test {})", SelfTest::OffsetA),
+        _ => String::new(),
+    };
+    assert_eq!(refusal.to_string(), format!("not armed: {}{test}", code.info().name));
+    bench.set_cause(code, false);
+    let is_reported =
+        matches!(code, Code::StoreDamaged | Code::SelfTestFailed | Code::NotCommissioned);
+    let delay_us = u64::from(code.info().clear_after_us);
+    if delay_us > 0 {
+        bench.run(delay_us);
+        assert!(bench.supervisor.causes().contains(code), "{code:?}");
+        assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])));
+    }
+    if !is_reported {
+        bench.step();
+    }
+}
+
 #[test]
 fn every_fault_is_raised_latched_and_cleared() {
     let mut tried = 0;
@@ -44,25 +89,7 @@ fn every_fault_is_raised_latched_and_cleared() {
             continue;
         }
         tried += 1;
-        // The fault is raised after its delay and not before. The delay starts with the first observation
-        // of the cause; that of the set-point starts with the last set-point.
-        let delay_us = raise_after_us(code);
-        let first = if code == Code::CommandTimeout { 0 } else { STEP_US };
-        if delay_us > 0 {
-            bench.run(first + delay_us - STEP_US);
-            assert!(bench.supervisor.faults().is_empty(), "{code:?}");
-        }
-        let armed = bench.supervisor.is_armed();
-        assert_eq!(bench.supervisor.is_bridge_allowed(), armed);
-        bench.step();
-        let supervisor = &mut bench.supervisor;
-        assert_eq!(supervisor.faults(), set(&[code]), "{code:?}");
-        assert_eq!(supervisor.state(), JointState::Fault);
-        assert!(!supervisor.is_bridge_allowed() && !supervisor.is_compensation_allowed());
-        assert!(supervisor.limits().without(implied_codes(code)).is_empty());
-        assert_eq!(supervisor.count_of(code), 1);
-        assert!(bench.events.contains(&Event { code, raised: true }));
-
+        check_raised(&mut bench, code);
         // It can neither be cleared nor armed while its cause is present. (A current that flows with the
         // bridge off is also an offset, but only after a longer delay.)
         bench.run(40 * STEP_US);
@@ -70,27 +97,7 @@ fn every_fault_is_raised_latched_and_cleared() {
             // With the bridge off the cause cannot be observed, so it counts as gone.
             assert!(!bench.supervisor.causes().contains(code));
         } else {
-            assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])), "{code:?}");
-            let refusal = bench.supervisor.arm(bench.now_us).unwrap_err();
-            assert_eq!(refusal.causes, set(&[code]), "{code:?}");
-            let test = match code {
-                Code::SelfTestFailed => format!(" (test {})", SelfTest::OffsetA),
-                _ => String::new(),
-            };
-            assert_eq!(refusal.to_string(), format!("not armed: {}{test}", code.info().name));
-            // The cause counts as gone after its delay and not before.
-            bench.set_cause(code, false);
-            let is_reported =
-                matches!(code, Code::StoreDamaged | Code::SelfTestFailed | Code::NotCommissioned);
-            let delay_us = u64::from(code.info().clear_after_us);
-            if delay_us > 0 {
-                bench.run(delay_us);
-                assert!(bench.supervisor.causes().contains(code), "{code:?}");
-                assert_eq!(bench.supervisor.clear_faults(), Err(set(&[code])));
-            }
-            if !is_reported {
-                bench.step();
-            }
+            check_refused(&mut bench, code);
         }
         // The cause is gone, and the fault stays latched until it is cleared.
         bench.set_cause(code, false);

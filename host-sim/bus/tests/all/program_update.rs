@@ -6,6 +6,7 @@ use canopen_rs::Address;
 use compensator_core::can::{Frame, NodeId};
 use ed25519_dalek::SigningKey;
 use firmware::driver::{Boot, Driver, Identity};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{

@@ -149,25 +149,36 @@ fn late_interrupts() -> Vec<ScenarioRow> {
     rows
 }
 
+/// Currents of a joint whose processor failed.
+struct FailedRun {
+    /// Torque-producing current at the failure, A.
+    before_a: f64,
+    /// Largest phase current 10 ms after the bridge is open, A.
+    left_a: f64,
+    most: StageExtremes,
+}
+
+/// Lets the processor fail at 8 rad/s and 10 A, with the joint at this position at the start.
+fn dies_at(turned_rad: f64, how: &dyn Fn(&mut Master)) -> FailedRun {
+    let place = |plant: &mut JointPlant| plant.place(turned_rad);
+    Joint::with(set(0.0)).run_plant(place, |master| {
+        master.arm().expect("it arms");
+        master.spin(8.0, 300);
+        // Another 5 ms with 10 A of torque-producing current.
+        master.current(5, 10.0);
+        let before_a = master.rig.plant().torque_current_a();
+        master.rig.stage_mut().take_extremes();
+        how(master);
+        let after = master.rig.stage_mut();
+        (0..200).for_each(|_| after.run_without_processor(50e-6, None));
+        let left_a =
+            after.plant.phase_currents_a().into_iter().fold(0.0, |m: f64, a| m.max(a.abs()));
+        FailedRun { before_a, left_a, most: after.take_extremes() }
+    })
+}
+
 /// The processor or its clock fails at 8 rad/s and 10 A: currents until the bridge is open.
 fn dead_processor() -> Vec<ScenarioRow> {
-    let dies_at = |turned_rad: f64, how: &dyn Fn(&mut Master)| -> (f64, f64, StageExtremes) {
-        let place = |plant: &mut JointPlant| plant.place(turned_rad);
-        Joint::with(set(0.0)).run_plant(place, |master| {
-            master.arm().expect("it arms");
-            master.spin(8.0, 300);
-            // Another 5 ms with 10 A of torque-producing current.
-            master.current(5, 10.0);
-            let before = master.rig.plant().torque_current_a();
-            master.rig.stage_mut().take_extremes();
-            how(master);
-            let after = master.rig.stage_mut();
-            (0..200).for_each(|_| after.run_without_processor(50e-6, None));
-            let left =
-                after.plant.phase_currents_a().into_iter().fold(0.0, |m: f64, a| m.max(a.abs()));
-            (before, left, after.take_extremes())
-        })
-    };
     let dies = |how: &dyn Fn(&mut Master)| dies_at(0.0, how);
     // The handler opens the bridge first: an interrupt entry and a store, here rounded up to a microsecond.
     let handler = dies(&|master| {
@@ -176,8 +187,8 @@ fn dead_processor() -> Vec<ScenarioRow> {
     });
     // The timer keeps its last duty cycles until the comparators or the watchdog stop it. Worst of twelve angles in an
     // electrical turn.
-    let worst = |all: &mut dyn Iterator<Item = (f64, f64, StageExtremes)>| {
-        all.max_by(|one, other| one.2.current_a.total_cmp(&other.2.current_a)).expect("some")
+    let worst = |all: &mut dyn Iterator<Item = FailedRun>| {
+        all.max_by(|one, other| one.most.current_a.total_cmp(&other.most.current_a)).expect("some")
     };
     let p = constants();
     let electrical_rad = TAU / (p.gear_ratio * p.pole_pairs);
@@ -197,7 +208,7 @@ fn dead_processor() -> Vec<ScenarioRow> {
         })
     }));
     let mut rows = Vec::new();
-    for (what, (before, left, most), bears_a) in [
+    for (what, FailedRun { before_a, left_a, most }, bears_a) in [
         (
             "HardFault or panic at 8 rad/s, 10 A: the handler opens the bridge in 1 us",
             handler,
@@ -216,9 +227,9 @@ fn dead_processor() -> Vec<ScenarioRow> {
             53.0,
         ),
     ] {
-        rows.push(row(12, what, "current at the failure, A", before, 8.0..=12.0));
+        rows.push(row(12, what, "current at the failure, A", before_a, 8.0..=12.0));
         rows.push(row(12, what, "largest phase current, A", most.current_a, 5.0..=bears_a));
-        rows.push(row(12, what, "current 10 ms after the bridge is open, A", left, 0.0..=1e-6));
+        rows.push(row(12, what, "current 10 ms after the bridge is open, A", left_a, 0.0..=1e-6));
         rows.push(row(12, what, "highest bus, V", most.bus_v, 47.0..=60.0));
     }
     rows

@@ -85,42 +85,23 @@ fn passes() -> Vec<ScenarioRow> {
         pass(master, 220, -SPEED_RAD_S);
         let again = read(master);
         let toggled = toggles ^ status(master) & 0xC0;
-        let error = |found: f64, truth: f64| (found - truth).abs() / ERROR_RAD;
+        let edge = |case: &str, figure: &'static str, found: f64, truth: f64| {
+            row(25, case, figure, (found - truth).abs() / ERROR_RAD, 0.0..=1.0)
+        };
+        let (at_rise, at_fall) =
+            ("error at the rise, largest is 1", "error at the fall, largest is 1");
+        let is_kept = flag(first == kept && cleared == 1);
         let distance = (first_zero / ZEROS_RAD - (first_zero / ZEROS_RAD).round()).abs();
         vec![
             row(25, forwards, "enabled, nothing stored", armed.into(), 1.0..=1.0),
             row(25, forwards, "both are stored", stored.into(), 7.0..=7.0),
-            row(
-                25,
-                forwards,
-                "error at the rise, largest is 1",
-                error(first[0], rise_rad),
-                0.0..=1.0,
-            ),
-            row(
-                25,
-                forwards,
-                "error at the fall, largest is 1",
-                error(first[1], fall_rad),
-                0.0..=1.0,
-            ),
-            row(
-                25,
-                back,
-                "positions stay until a new rise of bit 0",
-                flag(first == kept && cleared == 1),
-                1.0..=1.0,
-            ),
-            row(25, back, "error at the rise, largest is 1", error(again[0], fall_rad), 0.0..=1.0),
-            row(25, back, "error at the fall, largest is 1", error(again[1], rise_rad), 0.0..=1.0),
+            edge(forwards, at_rise, first[0], rise_rad),
+            edge(forwards, at_fall, first[1], fall_rad),
+            row(25, back, "positions stay until a new rise of bit 0", is_kept, 1.0..=1.0),
+            edge(back, at_rise, again[0], fall_rad),
+            edge(back, at_fall, again[1], rise_rad),
             row(25, back, "bits 6 and 7 show the new positions", toggled.into(), 192.0..=192.0),
-            row(
-                25,
-                zero,
-                "error of the last zero, largest is 1",
-                error(zero_rad, last_zero),
-                0.0..=1.0,
-            ),
+            edge(zero, "error of the last zero, largest is 1", zero_rad, last_zero),
             row(25, zero, "first zero, error in rad", distance * ZEROS_RAD, 0.0..=ERROR_RAD),
             row(25, zero, "first zero, from the begin, rad", first_zero - from_rad, -0.1..=0.35),
         ]

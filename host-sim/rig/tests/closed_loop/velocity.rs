@@ -206,14 +206,46 @@ fn stops() -> Vec<ScenarioRow> {
     rows
 }
 
+/// What ends a friction run.
+#[derive(Clone, Copy, PartialEq)]
+enum End {
+    Free,
+    Held,
+    Silent,
+}
+
+/// Course of a friction run: time of its end, ms, and the farthest place from its start, rad.
+struct FrictionCourse {
+    end_ms: f64,
+    farthest_rad: f64,
+}
+
+/// Runs a friction run to its end, which comes from 3 s on.
+fn run_friction(master: &mut Master, end: End) -> FrictionCourse {
+    let run = index::COMMISSIONING_RUN;
+    let from = master.rig.plant().position_rad();
+    let (mut farthest_rad, mut end_ms) = (0.0f64, 0);
+    for ms in 0..80_000 {
+        let over = ms >= 3000;
+        if over && end == End::Held {
+            master.rig.plant_mut().hold(true);
+        }
+        if ms % 20 == 0 && !(over && end == End::Silent) {
+            let order = if ms == 0 { 3 } else { 2 };
+            master.rig.write_object_byte(run, CommissioningRunObject::ORDER, order);
+        }
+        master.rig.step_idle();
+        farthest_rad = farthest_rad.max((master.rig.plant().position_rad() - from).abs());
+        end_ms = ms;
+        if ms > 100 && !master.rig.is_armed() {
+            break;
+        }
+    }
+    FrictionCourse { end_ms: f64::from(end_ms), farthest_rad }
+}
+
 /// The friction run of a free joint, of a held joint, and with a master that stops sending.
 fn friction_run() -> Vec<ScenarioRow> {
-    #[derive(Clone, Copy, PartialEq)]
-    enum End {
-        Free,
-        Held,
-        Silent,
-    }
     let mut rows = Vec::new();
     for (what, end, reason) in [
         ("free, 0.4 rad, 2 rad/s", End::Free, AbortReason::None),
@@ -224,25 +256,8 @@ fn friction_run() -> Vec<ScenarioRow> {
         let run = index::COMMISSIONING_RUN;
         Joint::with(set(0.0)).run(|master| {
             master.rig.write_object(run, CommissioningRunObject::TRAVEL, 0.4f32.to_le_bytes());
-            let from = master.rig.plant().position_rad();
-            let (mut farthest, mut at_ms) = (0.0f64, 0);
             master.rig.stage_mut().take_extremes();
-            for ms in 0..80_000 {
-                let over = ms >= 3000;
-                if over && end == End::Held {
-                    master.rig.plant_mut().hold(true);
-                }
-                if ms % 20 == 0 && !(over && end == End::Silent) {
-                    let order = if ms == 0 { 3 } else { 2 };
-                    master.rig.write_object_byte(run, CommissioningRunObject::ORDER, order);
-                }
-                master.rig.step_idle();
-                farthest = farthest.max((master.rig.plant().position_rad() - from).abs());
-                at_ms = ms;
-                if ms > 100 && !master.rig.is_armed() {
-                    break;
-                }
-            }
+            let course = run_friction(master, end);
             let most = master.rig.stage_mut().take_extremes();
             let step = master.rig.read_object(run, CommissioningRunObject::STEP).expect("a step");
             let reported =
@@ -255,14 +270,14 @@ fn friction_run() -> Vec<ScenarioRow> {
                         CommissioningStep::Aborted
                     } as u32;
             rows.push(row(4, &name, "ends as it should", flag(as_meant), 1.0..=1.0));
-            let after_ms = f64::from(at_ms) - if end == End::Free { 0.0 } else { 3000.0 };
+            let after_ms = course.end_ms - if end == End::Free { 0.0 } else { 3000.0 };
             let limits = match end {
                 End::Free => 20e3..=71e3,
                 End::Held => 300.0..=2000.0,
                 End::Silent => 60.0..=102.0,
             };
             rows.push(row(4, &name, "to open bridge, ms", after_ms, limits));
-            rows.push(row(4, &name, "largest travel, rad", farthest, 0.2..=0.4));
+            rows.push(row(4, &name, "largest travel, rad", course.farthest_rad, 0.2..=0.4));
             rows.push(row(4, &name, "largest speed, rad/s", most.speed_rad_s, 1.8..=2.6));
             rows.push(row(4, &name, "largest phase current, A", most.current_a, 1.0..=12.2));
         });

@@ -15,6 +15,7 @@ use compensator_core::can::{Frame, NodeId};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use firmware::access::AccessSettings;
 use firmware::driver::{Boot, Driver, Identity};
+use firmware::joint_node::Joint as _;
 use firmware::loop_parts::StageTraits;
 use firmware::node::dictionary::index;
 use firmware::node::dictionary::records::{OperationObject, ProgramObject, StateObject};

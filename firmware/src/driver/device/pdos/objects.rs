@@ -64,11 +64,11 @@ impl Pdos {
         }
         if at.subindex == Parameter::TRANSMISSION_TYPE && !is_legal_type(number) {
             let why = refusal!("transmission_type = {u32}: must be 0 to 240, 254 or 255", number);
-            return Err(base.staging.refuse(Abort::Value, why));
+            return Err(base.refuse(Abort::Value, why));
         }
         if at.subindex == Parameter::SYNC_START && number > LAST_SYNC_COUNTER {
             let why = refusal!("sync_start = {u32}: must be at most 240", number);
-            return Err(base.staging.refuse(Abort::Value, why));
+            return Err(base.refuse(Abort::Value, why));
         }
         match direction {
             Direction::Receive => {
@@ -100,11 +100,11 @@ impl Pdos {
         if self.sync.period_us != 0 {
             let why =
                 text!("sync_counter_overflow: set the communication cycle (1006h) to 0 first");
-            return Err(base.staging.refuse(Abort::State, why));
+            return Err(base.refuse(Abort::State, why));
         }
         if number == 1 || number > LAST_SYNC_COUNTER {
             let why = refusal!("sync_counter_overflow = {u32}: must be 0 or 2 to 240", number);
-            return Err(base.staging.refuse(Abort::Value, why));
+            return Err(base.refuse(Abort::Value, why));
         }
         self.sync.overflow = number as u8;
         Ok(())
@@ -131,14 +131,14 @@ impl Pdos {
         if identifier & PDO_UNUSED == 0 {
             let why =
                 text!("a mapping is changed while its PDO is disabled (bit 31 of the identifier)");
-            return Err(base.staging.refuse(Abort::State, why));
+            return Err(base.refuse(Abort::State, why));
         }
         let written = mapping.ok_or(Abort::NoObject)?.write(sub_index, number, direction);
         written.map_err(|abort| match abort {
             Abort::State => {
                 let why =
                     text!("an entry of a mapping is written while the count (sub-index 0) is 0");
-                base.staging.refuse(Abort::State, why)
+                base.refuse(Abort::State, why)
             }
             other => other,
         })
@@ -152,7 +152,7 @@ fn check_identifier(base: &mut JointBase, identifier: u32) -> Result<(), Abort> 
     let is_legal = (0x181..=0x57F).contains(&number) || (0x680..=0x6FF).contains(&number);
     if !is_legal && identifier & PDO_UNUSED == 0 {
         let why = refusal!("cob_id = {hex}h: must be 181h to 57Fh or 680h to 6FFh", identifier);
-        return Err(base.staging.refuse(Abort::Value, why));
+        return Err(base.refuse(Abort::Value, why));
     }
     Ok(())
 }
