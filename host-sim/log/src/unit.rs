@@ -263,6 +263,11 @@ pub fn parse_value(contract_name: &str, text: &str) -> Result<f64, UnitError> {
     Ok(conversion(contract_name, text)?.apply(1.0))
 }
 
+/// Returns the unit in a cell, which may be in brackets or quotes.
+pub(super) fn in_cell(cell: &[u8]) -> String {
+    String::from_utf8_lossy(cell).trim_matches(['[', ']', '(', ')', '"', ' ']).to_owned()
+}
+
 /// Returns true if the symbol is a known unit. The text after a colon in a header's own name mostly is not.
 pub(super) fn is_symbol(symbol: &str) -> bool {
     let text = symbol.trim().trim_start_matches(['-', '−']);
