@@ -34,6 +34,7 @@ mod position_zero;
 mod quantised;
 mod rate;
 mod register;
+mod rows;
 mod run_offset;
 mod saturated;
 mod sign;

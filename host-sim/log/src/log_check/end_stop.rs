@@ -5,8 +5,9 @@
 
 use super::LogFindingKind;
 use super::finding::LogFinding;
-use super::outlier::{first_place, leave_out};
+use super::rows::{Rows, first_in_words, leave_out};
 use super::torque_fit::least_moving_speed;
+use crate::dataset::Place;
 use crate::number::figure;
 use crate::statistics::{extent, quantile};
 use crate::{Dataset, Run};
@@ -31,8 +32,10 @@ const MIN_MOVING_SHARE: f64 = 0.2;
 /// Finds rows at an end stop, and leaves them out if `correct` is true.
 pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let Some((rows, torque)) = rows_at_stop(&data) else { return (data, Vec::new()) };
-    let count: usize = rows.iter().map(BTreeSet::len).sum();
-    let place = first_place(&data, &rows);
+    let places =
+        |(run, rows): (usize, BTreeSet<usize>)| rows.into_iter().map(move |row| Place { run, row });
+    let rows: Rows = rows.into_iter().enumerate().flat_map(places).collect();
+    let (count, place) = (rows.len(), first_in_words(&rows, &data));
     let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
     let done = if correct { "They are left out" } else { "They are left in, as asked" };
     let words = format!(

@@ -4,8 +4,8 @@
 //! magnitude, a torque with and without a sign bit, one offset and one for each run. Rows at rest are left out, because there the
 //! direction of friction is unknown.
 
+use crate::dataset::{Dataset, Place, Run};
 use crate::statistics::quantile;
-use crate::{Dataset, Run};
 use compensator_core::quantity::{JointKind, Quantity};
 use nalgebra::{SMatrix, SVector};
 
@@ -26,10 +26,7 @@ pub type Regressors = SVector<f64, REGRESSORS>;
 
 /// A row in which the joint moves.
 pub struct MovingRow {
-    /// Index of its run.
-    pub run: usize,
-    /// Its row in the run.
-    pub row: usize,
+    pub place: Place,
     /// True if it moves backwards.
     pub is_back: bool,
     /// Acceleration, direction, velocity, two functions of the position, 1.
@@ -75,7 +72,7 @@ pub fn moving_rows(data: &Dataset) -> Vec<MovingRow> {
                 [acceleration[row], velocity.signum(), velocity, place[0], place[1], 1.0];
             let is_back = velocity < 0.0;
             let (regressors, torque) = (Regressors::from(regressors), run.torque[row]);
-            MovingRow { run: index, row, is_back, regressors, torque }
+            MovingRow { place: Place { run: index, row }, is_back, regressors, torque }
         };
         let moves = |row: &usize| run.velocity[*row].abs() > least;
         (0..run.len()).filter(moves).map(row).collect::<Vec<_>>()
