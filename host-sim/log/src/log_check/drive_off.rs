@@ -8,10 +8,10 @@ use super::LogFindingKind;
 use super::column::telling_column;
 use super::finding::LogFinding;
 use super::rows::{Rows, first_in_words, leave_out};
-use super::torque_fit::{MIN_ROWS, fit, moving_rows};
 use crate::dataset::Place;
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::segment::stretches;
+use crate::torque_fit::{MIN_ROWS, fit, moving_rows};
 use crate::{Dataset, Part};
 use compensator_core::quantity::Quantity;
 

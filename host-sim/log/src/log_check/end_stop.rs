@@ -6,10 +6,10 @@
 use super::LogFindingKind;
 use super::finding::LogFinding;
 use super::rows::{Rows, first_in_words, leave_out};
-use super::torque_fit::least_moving_speed;
 use crate::dataset::Place;
 use crate::number::figure;
 use crate::statistics::{extent, quantile};
+use crate::torque_fit::least_moving_speed;
 use crate::{Dataset, Run};
 use compensator_core::quantity::Quantity;
 use std::collections::BTreeSet;

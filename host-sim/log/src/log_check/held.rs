@@ -17,7 +17,7 @@ use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::wrap::is_velocity_derived;
 use crate::dataset::Place;
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::number::figure;
 use crate::statistics::{median, quantile};
 use crate::{Dataset, Run};

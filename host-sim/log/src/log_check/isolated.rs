@@ -11,7 +11,7 @@ use super::rows::{Rows, leave_out};
 use super::spike;
 use super::wrap::is_velocity_derived;
 use crate::dataset::Place;
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::number::figure;
 use crate::statistics::{quantile, quantile_range};
 use crate::{Dataset, Run, segments};

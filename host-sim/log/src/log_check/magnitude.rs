@@ -7,8 +7,8 @@
 use super::log::Log;
 use super::register;
 use super::suspicion::Suspicion;
-use super::torque_fit::{MovingRow, fit, moves_both_ways, moving_rows};
 use super::{LogFindingKind, header};
+use crate::torque_fit::{MovingRow, fit, moves_both_ways, moving_rows};
 
 /// Maximum error of the law with the sign, relative to that without.
 const MAX_SCATTER_RATIO: f64 = 0.7;

@@ -8,7 +8,7 @@ use super::LogFindingKind;
 use super::finding::LogFinding;
 use super::wrap::is_velocity_derived;
 use crate::dataset::Place;
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::number::figure;
 use crate::statistics::{median, quantile, quantile_range};
 use crate::{Dataset, Run, segments};

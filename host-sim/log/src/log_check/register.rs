@@ -8,7 +8,7 @@ use super::column::Column;
 use super::log::Log;
 use super::suspicion::Suspicion;
 use super::{LogFindingKind, header};
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::statistics::correlation;
 use crate::torque_scale::amperes;
 use crate::unit::conversion;

@@ -7,10 +7,10 @@
 use super::LogFindingKind;
 use super::column::{Column, all};
 use super::finding::LogFinding;
-use super::torque_fit::{MIN_ROWS, MovingRow, Regressors, fit, moves_both_ways, moving_rows};
 use crate::Dataset;
 use crate::number::figure;
 use crate::statistics::{extent, quantile};
+use crate::torque_fit::{MIN_ROWS, MovingRow, Regressors, fit, moves_both_ways, moving_rows};
 use compensator_core::quantity::Quantity;
 
 /// Maximum error of the law with an offset for each run, relative to that with one.

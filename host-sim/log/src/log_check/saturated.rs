@@ -8,12 +8,12 @@
 use super::column::Column;
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
-use super::torque_fit::least_moving_speed;
 use super::wrap::is_velocity_derived;
 use crate::Run;
 use crate::number::figure;
 use crate::segment::stretches;
 use crate::statistics::{extent, median};
+use crate::torque_fit::least_moving_speed;
 use compensator_core::quantity::Quantity;
 use std::ops::Range;
 

@@ -12,10 +12,9 @@ use super::suspicion::Suspicion;
 use super::{header, rate, typed};
 use crate::number::figure;
 use crate::setting::shell_word;
+use crate::torque_fit::{ACCELERATION, fit, moving_rows};
 use crate::unit::{conversion, size};
-use crate::{derivative, segments};
 use compensator_core::quantity::{JointKind, Quantity};
-use nalgebra::{Matrix4, Vector4};
 
 /// A unit with the number in the column for one unit of the contract.
 type SizedUnit = (&'static str, f64);
@@ -278,7 +277,9 @@ fn inertia_limit(log: &Log) -> Option<LogFinding> {
     if log.data.joint != JointKind::Revolute {
         return None;
     }
-    let (inertia, error) = implied_inertia(log)?;
+    let rows = moving_rows(log.smoothed);
+    let law = fit(rows.iter().map(|row| (row.regressors, row.torque)))?;
+    let (inertia, error) = (law.coefficients[ACCELERATION], law.errors[ACCELERATION]);
     if inertia < MIN_DOUBTFUL_INERTIA || error > MAX_INERTIA_ERROR * inertia {
         return None;
     }
@@ -290,30 +291,6 @@ fn inertia_limit(log: &Log) -> Option<LogFinding> {
         typed(log.data, torque, "mNm")
     );
     Some(finding(&[torque], inertia, "kg m²", words))
-}
-
-/// Returns the inertia by a regression of the torque on acceleration, direction, velocity and 1, and its standard error.
-fn implied_inertia(log: &Log) -> Option<(f64, f64)> {
-    let mut normal = Matrix4::<f64>::zeros();
-    let (mut right, mut squares, mut count) = (Vector4::zeros(), 0.0, 0.0);
-    for (logged, smooth) in log.data.runs.iter().zip(&log.smoothed.runs) {
-        for rows in segments(smooth) {
-            let velocity = &smooth.velocity[rows.clone()];
-            let acceleration = derivative(&smooth.time_s[rows.clone()], velocity);
-            let torque = &logged.torque[rows];
-            for ((a, v), y) in acceleration.iter().zip(velocity).zip(torque) {
-                let row = Vector4::new(*a, v.signum(), *v, 1.0);
-                normal += row * row.transpose();
-                right += row * *y;
-                squares += y * y;
-                count += 1.0;
-            }
-        }
-    }
-    let inverse = normal.try_inverse()?;
-    let found = inverse * right;
-    let left = (squares - found.dot(&right)).max(0.0) / f64::max(count - 4.0, 1.0);
-    Some((found[0], (left * inverse[(0, 0)]).sqrt()))
 }
 
 /// Compares pressures and temperatures with plausible values.
