@@ -209,6 +209,42 @@ pub(super) fn column(contract_name: &'static str, columns: &[&str]) -> Option<Co
     Some(ColumnPair::new(of, name, unit))
 }
 
+/// The quantity that a column may hold.
+#[derive(Clone, Default)]
+pub(super) struct Guess {
+    /// Its contract name.
+    pub quantity: &'static str,
+    /// Its unit, if `--columns` needs one.
+    pub unit: Option<String>,
+    /// Other units that the sizes of the values allow; `None` for that of the contract.
+    pub other_units: Vec<Option<&'static str>>,
+    /// True if the column's name states its unit.
+    pub is_known: bool,
+    /// True if the unit is by the size of the values.
+    pub is_by_size: bool,
+    /// True if it is a time in steps between rows.
+    pub is_step: bool,
+    /// True if the file has no names.
+    pub is_numbered: bool,
+}
+
+impl Guess {
+    /// Sets the units that the sizes of the values allow, the most probable first. `is_shown` is true if they allow one alone.
+    pub fn set_units(&mut self, units: &[Option<&'static str>], is_shown: bool) {
+        let [first, others @ ..] = units else { return };
+        self.unit = first.map(str::to_owned);
+        self.other_units = others.iter().copied().filter(|unit| unit != first).collect();
+        self.is_by_size = first.is_some() || !self.other_units.is_empty();
+        self.is_known |= is_shown;
+    }
+
+    /// Returns the pair that reads a column in a unit.
+    pub fn pair(&self, name: &str, unit: Option<&str>) -> ColumnPair {
+        let Self { quantity, is_step, is_numbered, .. } = *self;
+        ColumnPair { is_step, is_numbered, ..ColumnPair::new(quantity, name, unit) }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
