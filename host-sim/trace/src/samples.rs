@@ -120,14 +120,9 @@ impl Assembler {
     }
 
     /// Processes the frames in a CAN FD frame.
-    fn telemetry(
-        &mut self,
-        number: u64,
-        line: &Line,
-        telemetry: &FdTelemetry,
-    ) -> Option<TraceSample> {
+    fn telemetry(&mut self, number: u64, line: &Line, of: &FdTelemetry) -> Option<TraceSample> {
         // The first frame of a sample completes the one before, so at most one is returned.
-        telemetry.frames().fold(None, |completed, frame| {
+        of.frames().fold(None, |completed, frame| {
             let sample = self.frame(number, line, Some(frame));
             completed.or(sample)
         })
@@ -174,19 +169,15 @@ impl Assembler {
     /// Returns true if the frame belongs to the followed joint. The first input selects that joint.
     #[inline]
     fn select_or_match(&mut self, interface: &[u8], node: NodeId) -> bool {
-        match &self.joint {
-            Some(_) => {
-                let is_followed = self.is_followed(interface, node);
-                if !is_followed {
-                    self.count_other(interface, node);
-                }
-                is_followed
-            }
-            None => {
-                self.joint = Some(JointOnBus { interface: interface.into(), node });
-                true
-            }
+        let Some(joint) = &self.joint else {
+            self.joint = Some(JointOnBus { interface: interface.into(), node });
+            return true;
+        };
+        let is_followed = joint.is(interface, node);
+        if !is_followed {
+            self.count_other(interface, node);
         }
+        is_followed
     }
 
     fn count_other(&mut self, interface: &[u8], node: NodeId) {
