@@ -232,6 +232,17 @@ impl Reading {
     }
 }
 
+impl LearntLevels {
+    fn json(self) -> Value {
+        json!({
+            "state": self.state,
+            "level_gain": number(self.level),
+            "viscous_gain": number(self.viscous),
+            "follows": self.follows,
+        })
+    }
+}
+
 impl View {
     /// Converts to JSON. `ranges` are the minimum and maximum of every quantity since the previous object.
     pub fn json(&self, bus: &str, ranges: &[Option<[f32; 2]>; Quantity::ALL.len()]) -> Value {
