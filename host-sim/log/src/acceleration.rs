@@ -17,7 +17,7 @@ use super::dataset::Run;
 use super::segment::segments;
 
 /// Samples in the window of the derivative: the sample and seven on either side.
-pub const DERIVATIVE_WINDOW: usize = 15;
+const DERIVATIVE_WINDOW: usize = 15;
 
 impl Run {
     /// Returns the measured acceleration, or else the derivative of the velocity, rad/s2 or m/s2. It is zero in a
@@ -44,7 +44,7 @@ impl Run {
 ///
 /// At six rows a period, the spline keeps 99 % of the acceleration. A parabola over fifteen rows would span two and a
 /// half periods and lose it.
-pub fn spline_derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
+fn spline_derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
     let knots: Vec<usize> =
         (0..time.len()).filter(|&at| at == 0 || time[at] > time[at - 1]).collect();
     if knots.len() < 3 {
@@ -81,7 +81,7 @@ pub fn spline_derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
 ///
 /// `time` must not decrease; stamps may repeat. With two different stamps in the window the parabola becomes a line,
 /// and with one the slope is zero.
-pub fn derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
+fn derivative(time: &[f64], values: &[f64]) -> Vec<f64> {
     let n = time.len().min(values.len());
     let window = DERIVATIVE_WINDOW.min(n);
     (0..n)

@@ -120,6 +120,15 @@ pub struct Run {
     pub velocity_is_smooth: bool,
 }
 
+/// A row of a data set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Place {
+    /// Index into [`Dataset::runs`].
+    pub run: usize,
+    /// The row in the run.
+    pub row: usize,
+}
+
 /// Columns of a run by their quantity.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Measured([Option<Vec<f64>>; Quantity::ALL.len()]);
@@ -172,24 +181,15 @@ impl Run {
     /// # Panics
     /// If the range is not inside the run.
     pub fn slice(&self, range: Range<usize>) -> Run {
-        let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
-        let mut part = self.map_columns(cut);
-        part.time_s = cut(&self.time_s);
-        part
+        self.with_columns(|column| column[range.clone()].to_vec())
     }
 
     /// Applies `f` to every numeric column including time. `f` must treat all columns alike.
     pub(crate) fn with_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
-        let time_s = f(&self.time_s);
-        Run { time_s, ..self.map_columns(f) }
-    }
-
-    /// Applies `f` to every numeric column except time. The time of the result is empty.
-    pub(super) fn map_columns(&self, f: impl Fn(&Vec<f64>) -> Vec<f64>) -> Run {
         Run {
             name: self.name.clone(),
             file: self.file,
-            time_s: Vec::new(),
+            time_s: f(&self.time_s),
             velocity: f(&self.velocity),
             torque: f(&self.torque),
             measured: Measured(self.measured.0.each_ref().map(|of| of.as_ref().map(&f))),

@@ -1,9 +1,13 @@
 //! The columns of a file with the quantity that each may hold, for `--columns help` and for the error of a file with many columns.
 
+mod units_by_size;
+
+use super::column_guess::guesses;
 use super::column_names::ColumnNames;
 use super::column_pair::ColumnPair;
 use super::contract::{RUN, TIME};
 use super::error::{DataError, listed};
+use super::guess::{self, Guess};
 use super::header::no_header;
 use super::joint_pattern::suggested_map;
 use super::naming::UNKNOWN_UNIT;
@@ -11,13 +15,13 @@ use super::options::ReadOptions;
 use super::other_unit::{OtherUnit, other_unit};
 use super::plan::{Purpose, Request};
 use super::preset::Preset;
-use super::size::{self, MotionSample};
 use super::source::{file_size, read_file};
 use super::survey::{ColumnSummary, Survey, SurveyedColumn, surveyed_columns};
-use super::{guess, torque_constant, unit};
+use super::{torque_constant, unit};
 use crate::setting::{Setting, shell_word};
 use compensator_core::quantity::{JointKind, Quantity};
 use std::path::Path;
+use units_by_size::add_units_by_size;
 
 /// Number of columns above which an error names only the likely ones. It is the number that a list shows.
 const MANY_COLUMNS: usize = 30;
@@ -53,6 +57,11 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
             if is_symbol { Some("torque_nm") } else { named_quantity(column, values, &mut doubts) };
         found.push(guess_of(column, quantity, &mut doubts));
     }
+    let is_numbered = table.plan.names.is_numbered;
+    if is_numbered {
+        let values: Vec<&[f64]> = surveyed.iter().map(|of| of.values.as_slice()).collect();
+        found = guesses(&values);
+    }
     // In this order: a removed torque is none beside a current, and units by size need one column for each quantity.
     doubts.extend(of_one_kind(&surveyed, &mut found));
     doubts.extend(without_constants(&surveyed, &mut found));
@@ -63,13 +72,12 @@ pub fn survey(file: &Path, options: &ReadOptions) -> Result<Survey, DataError> {
     for (column, guess) in columns.iter_mut().zip(&found) {
         let is_other = |guess: &&Guess| guess.quantity != column.name || guess.is_step;
         let Some(guess) = guess.as_ref().filter(is_other) else { continue };
-        // Columns without names have a suggestion by their values.
         column.suggestion = Some(guess.pair(&column.name, guess.unit.as_deref()));
         let other = |unit: &Option<&str>| guess.pair(&column.name, *unit);
         column.alternatives = guess.other_units.iter().map(other).collect();
     }
     let preset = Preset::recognise(&table.plan.names);
-    let mut notes = notes(&columns, &found);
+    let mut notes = if is_numbered { Vec::new() } else { notes(&columns, &found) };
     notes.extend(doubts);
     suggest_joints(&mut columns);
     suggest_preset(file, options, preset, &mut columns);
@@ -116,14 +124,8 @@ fn guess_of(
     }
     let other = other_unit(name).map(OtherUnit::suggestion);
     let other = other.or(is_ambiguous.then_some(UNKNOWN_UNIT)).map(str::to_owned);
-    Some(Guess {
-        quantity,
-        unit: unit.or(other),
-        other_units: Vec::new(),
-        is_known: stated.is_some(),
-        is_by_size: false,
-        is_step,
-    })
+    let (unit, is_known) = (unit.or(other), stated.is_some());
+    Some(Guess { quantity, unit, is_known, is_step, ..Guess::default() })
 }
 
 /// Takes columns without a unit as those of a linear axis, if another column is one of it. Returns a note if the units are those
@@ -154,37 +156,6 @@ fn suggest_joints(columns: &mut [ColumnSummary]) {
         if let Some(pair) = joints.pair_of(&column.name) {
             column.suggestion = Some(pair);
         }
-    }
-}
-
-/// The quantity that a column may hold.
-struct Guess {
-    quantity: &'static str,
-    /// Its unit, if `--columns` needs one.
-    unit: Option<String>,
-    /// Other units that the sizes of the values allow; `None` for that of the contract.
-    other_units: Vec<Option<&'static str>>,
-    /// True if the column's name states its unit.
-    is_known: bool,
-    /// True if the unit is by the size of the values.
-    is_by_size: bool,
-    /// True if it is a time in steps between rows.
-    is_step: bool,
-}
-
-impl Guess {
-    /// Sets the units that the sizes of the values allow, the most probable first. `is_shown` is true if they allow one alone.
-    fn set_units(&mut self, units: &[Option<&'static str>], is_shown: bool) {
-        let [first, others @ ..] = units else { return };
-        self.unit = first.map(str::to_owned);
-        self.other_units = others.iter().copied().filter(|unit| unit != first).collect();
-        self.is_by_size = first.is_some() || !self.other_units.is_empty();
-        self.is_known |= is_shown;
-    }
-
-    /// Returns the pair that reads a column in a unit.
-    fn pair(&self, name: &str, unit: Option<&str>) -> ColumnPair {
-        ColumnPair { is_step: self.is_step, ..ColumnPair::new(self.quantity, name, unit) }
     }
 }
 
@@ -266,104 +237,19 @@ fn one_of_each(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) -> Vec<S
     notes
 }
 
-/// The only column that may hold a quantity.
-struct OnlyColumn<'a> {
-    place: usize,
-    values: &'a [f64],
-    /// The unit that its name or the file states.
-    unit: Option<String>,
-    is_date: bool,
-}
-
-impl<'a> OnlyColumn<'a> {
-    /// Returns the column of a quantity, which has a unit in the contract. Of several columns, none is the one.
-    fn find(
-        columns: &'a [SurveyedColumn],
-        found: &[Option<Guess>],
-        quantity: &str,
-        contract_unit: &str,
-    ) -> Option<Self> {
-        let mut all =
-            columns.iter().zip(found).enumerate().filter_map(|(place, (column, guess))| {
-                let guess = guess.as_ref().filter(|guess| guess.quantity == quantity)?;
-                Some((place, column, guess))
-            });
-        let (place, SurveyedColumn { summary, values }, guess) =
-            all.next().filter(|_| all.next().is_none())?;
-        let of_contract = guess.is_known.then_some(contract_unit);
-        let unit = guess.unit.as_deref().or(of_contract).map(str::to_owned);
-        (!guess.is_step).then_some(Self { place, values, unit, is_date: summary.is_date })
-    }
-
-    /// Returns true if nothing states its unit.
-    fn is_open(&self) -> bool {
-        self.unit.is_none() && !self.is_date
-    }
-
-    /// Returns its times in s, of a unit that nothing states in `unit`. `None` for dates.
-    fn seconds(&self, unit: &str) -> Option<Vec<f64>> {
-        let conversion = unit::conversion(TIME, self.unit.as_deref().unwrap_or(unit)).ok();
-        let seconds = |t: &f64| conversion.map_or(*t, |conversion| conversion.apply(*t));
-        (!self.is_date).then(|| self.values.iter().map(seconds).collect())
-    }
-}
-
-/// Adds the units that the sizes of the values show, where neither the name nor the file states one.
-fn add_units_by_size(columns: &[SurveyedColumn], found: &mut [Option<Guess>]) {
-    let only = |quantity, unit| OnlyColumn::find(columns, found, quantity, unit);
-    let time = only(TIME, "s");
-    let (position, velocity) = (only("position_rad", "rad"), only("velocity_rad_s", "rad/s"));
-    let motion_in = |unit: &str| {
-        size::motion_units(MotionSample {
-            time_s: time.as_ref().and_then(|time| time.seconds(unit)).as_deref(),
-            position: position.as_ref().map(|of| of.values),
-            position_unit: position.as_ref().and_then(|of| of.unit.as_deref()),
-            velocity: velocity.as_ref().map(|of| of.values),
-            velocity_unit: velocity.as_ref().and_then(|of| of.unit.as_deref()),
-        })
-    };
-    let by_rate = time.as_ref().filter(|time| time.is_open());
-    let by_rate = by_rate.and_then(|time| size::time_unit(time.values));
-    let (mut times, mut motion) = (vec![by_rate], motion_in(by_rate.unwrap_or("s")));
-    // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
-    if by_rate.is_some() && !motion.is_by_ratio {
-        let in_seconds = motion_in("s");
-        if in_seconds.is_by_ratio {
-            (times, motion) = (vec![None], in_seconds);
-        } else {
-            times.push(None);
-        }
-    }
-    let velocities: Vec<_> = motion.all.iter().map(|of| of.velocity).collect();
-    let positions: Vec<_> = motion.all.iter().map(|of| of.position).collect();
-    let mut set = |column: Option<OnlyColumn>, units: &[Option<&'static str>], is_shown: bool| {
-        let place = column.filter(OnlyColumn::is_open).map(|column| column.place);
-        if let Some(guess) = place.and_then(|place| found[place].as_mut()) {
-            guess.set_units(units, is_shown);
-        }
-    };
-    set(time, &times, true);
-    set(velocity, &velocities, motion.is_unique);
-    set(position, &positions, motion.is_unique);
-}
-
 /// Returns what else to type or to check.
 fn notes(columns: &[ColumnSummary], found: &[Option<Guess>]) -> Vec<String> {
     let guesses = columns.iter().zip(found).filter_map(|(column, of)| Some((column, of.as_ref()?)));
-    let names = |is_it: &dyn Fn(&Guess) -> bool| -> Vec<&str> {
-        let those = guesses.clone().filter(|(_, guess)| is_it(guess));
+    let names = |is_it: &dyn Fn(&ColumnSummary, &Guess) -> bool| -> Vec<&str> {
+        let those = guesses.clone().filter(|(column, guess)| is_it(column, guess));
         those.map(|(column, _)| column.name.as_str()).collect()
     };
-    let by_size = names(&|guess| guess.is_by_size);
-    let is_open = |guess: &Guess| {
-        !guess.is_known
-            && !guess.is_by_size
-            && guess.unit.is_none()
-            && unit::has_unit(guess.quantity)
-    };
-    let open = guesses.clone().filter(|(column, of)| is_open(of) && of.quantity != column.name);
-    let open = open.filter(|(column, of)| !of.is_step && !column.is_date);
-    let open: Vec<&str> = open.map(|(column, _)| column.name.as_str()).collect();
+    let by_size = names(&|_, guess| guess.is_by_size);
+    let open = names(&|column, guess| {
+        let has_unit = guess.is_known || guess.is_by_size || guess.unit.is_some();
+        let is_as_named = has_unit || guess.quantity == column.name;
+        !is_as_named && !guess.is_step && !column.is_date && unit::has_unit(guess.quantity)
+    });
     let current = guesses.clone().find(|(column, _)| guess::is_current(&column.name));
     let by_size = (!by_size.is_empty()).then(|| {
         format!("The units of {} are by the sizes of their values: check them.", listed(&by_size))
@@ -428,10 +314,7 @@ pub(super) fn with_likely_columns(error: DataError, options: &ReadOptions) -> Da
     }
     if count <= MANY_COLUMNS {
         expected += &pairs_by_size(&file, options);
-    }
-    if count > MANY_COLUMNS
-        && let Ok(Survey { columns, .. }) = survey(&file, options)
-    {
+    } else if let Ok(Survey { columns, .. }) = survey(&file, options) {
         let likely: Vec<&str> = REQUIRED
             .iter()
             .filter(|wanted| missing.iter().any(|of| guess::is_same_quantity(of, wanted)))

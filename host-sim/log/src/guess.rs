@@ -116,9 +116,10 @@ pub(super) fn any_unit(name: &str) -> Option<&'static str> {
     unit::any_in_name(name).filter(is_clear)
 }
 
-/// Returns the contract name of the quantity that a name's unit fits, except for a time: `bucket_deg_s`.
-pub(super) fn by_unit(name: &str) -> Option<&'static str> {
-    let unit = any_unit(name)?;
+/// Returns the contract name of the quantity that a column's unit, in its name or in the file, fits, except for a time:
+/// `bucket_deg_s`.
+fn by_unit(name: &str, in_file: &str) -> Option<&'static str> {
+    let unit = any_unit(name).unwrap_or(in_file);
     contract::names()
         .skip_while(|of| *of != "velocity_rad_s")
         .find(|of| unit::conversion(of, unit).is_ok())
@@ -144,13 +145,13 @@ pub(super) fn by_name(name: &str, in_file: &str) -> Result<Option<&'static str>,
     let is_load = |of: &Quantity| matches!(of, Quantity::RadialForce | Quantity::LoadTorque);
     let load = nearly_named::quantity(name).filter(is_load);
     let words = load.map(|of| of.name(JointKind::Revolute)).or_else(|| quantity(name));
-    let Some(of) = words else { return Ok(by_unit(name)) };
+    let Some(of) = words else { return Ok(by_unit(name, in_file)) };
     let is_force =
         of == "torque_nm" && parts(name).iter().any(|part| is_among("force kraft", part));
     match (in_stated_kind(of, name, in_file), any_unit(name)) {
         (None, Some(_)) if parts(name)[0].len() > 1 => Err(of),
         // A symbol of one letter has many meanings: `T_degC`.
-        (None, Some(_)) => Ok(by_unit(name)),
+        (None, Some(_)) => Ok(by_unit(name, in_file)),
         (stated, _) => Ok(stated.or(Some(of_both_kinds(of)[usize::from(is_force)]))),
     }
 }
@@ -208,6 +209,42 @@ pub(super) fn column(contract_name: &'static str, columns: &[&str]) -> Option<Co
     Some(ColumnPair::new(of, name, unit))
 }
 
+/// The quantity that a column may hold.
+#[derive(Clone, Default)]
+pub(super) struct Guess {
+    /// Its contract name.
+    pub quantity: &'static str,
+    /// Its unit, if `--columns` needs one.
+    pub unit: Option<String>,
+    /// Other units that the sizes of the values allow; `None` for that of the contract.
+    pub other_units: Vec<Option<&'static str>>,
+    /// True if the column's name states its unit.
+    pub is_known: bool,
+    /// True if the unit is by the size of the values.
+    pub is_by_size: bool,
+    /// True if it is a time in steps between rows.
+    pub is_step: bool,
+    /// True if the file has no names.
+    pub is_numbered: bool,
+}
+
+impl Guess {
+    /// Sets the units that the sizes of the values allow, the most probable first. `is_shown` is true if they allow one alone.
+    pub fn set_units(&mut self, units: &[Option<&'static str>], is_shown: bool) {
+        let [first, others @ ..] = units else { return };
+        self.unit = first.map(str::to_owned);
+        self.other_units = others.iter().copied().filter(|unit| unit != first).collect();
+        self.is_by_size = first.is_some() || !self.other_units.is_empty();
+        self.is_known |= is_shown;
+    }
+
+    /// Returns the pair that reads a column in a unit.
+    pub fn pair(&self, name: &str, unit: Option<&str>) -> ColumnPair {
+        let Self { quantity, is_step, is_numbered, .. } = *self;
+        ColumnPair { is_step, is_numbered, ..ColumnPair::new(quantity, name, unit) }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -254,6 +291,7 @@ mod tests {
             assert_eq!(by_name(name, ""), expected, "{name}");
         }
         assert_eq!(by_name("pos", "mm"), Ok(Some("position_m")), "by the file");
+        assert_eq!(by_name("Achse 1", "rpm"), Ok(Some("velocity_rad_s")), "by the file alone");
     }
 
     #[test]
@@ -323,7 +361,7 @@ mod tests {
         assert_eq!(any_unit("bucket_deg"), Some("deg"));
         assert_eq!(any_unit("bucket_s"), None);
         assert_eq!(
-            (by_unit("bucket_deg_s"), by_unit("boom_nm")),
+            (by_unit("bucket_deg_s", ""), by_unit("boom_nm", "")),
             (Some("velocity_rad_s"), Some("torque_nm"))
         );
         assert_eq!(unit::stated("time_s", "bucket_deg_s"), None);

@@ -29,7 +29,7 @@ use super::options::ReadOptions;
 use super::other_unit::{Refusal, other_unit};
 use super::preset::{Preset, PresetColumns};
 use super::row_clock::Timing;
-use super::unit::{UnitError, conversion};
+use super::unit::{self, UnitError, conversion};
 use crate::setting::Setting;
 use required::RequiredColumns;
 
@@ -137,9 +137,7 @@ impl Layout {
         place: &str,
     ) -> Result<bool, DataError> {
         let text = |reading: &CellReader| {
-            let cell =
-                String::from_utf8_lossy(cells.get(reading.index).copied().unwrap_or_default());
-            cell.trim_matches(['[', ']', '(', ')', '"', ' ']).to_owned()
+            unit::in_cell(cells.get(reading.index).copied().unwrap_or_default())
         };
         if cells.iter().any(|cell| fast_float2::parse::<f64, _>(cell).is_ok()) {
             return Ok(false);
@@ -162,16 +160,16 @@ impl Layout {
         for (reading, name) in
             required.into_iter().filter(|(reading, _)| reading.conversion.is_none())
         {
-            let unit = text(reading);
-            if is_missing_value(unit.as_bytes()) {
+            let symbol = text(reading);
+            if is_missing_value(symbol.as_bytes()) {
                 continue;
             }
-            let conversion = conversion(name, &unit);
+            let conversion = conversion(name, &symbol);
             reading.conversion = Some(conversion.map_err(|expected| {
-                wrong_unit(file, &self.names[reading.index], name, &unit, expected)
+                wrong_unit(file, &self.names[reading.index], name, &symbol, expected)
             })?);
             let source = self.sources.iter_mut().find(|source| source.name == name);
-            source.into_iter().for_each(|source| source.unit = Some(unit.clone()));
+            source.into_iter().for_each(|source| source.unit = Some(symbol.clone()));
         }
         self.notes.push(format!("the row {place} the header is read as units"));
         Ok(true)

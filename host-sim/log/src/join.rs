@@ -14,6 +14,7 @@ use super::statistics::median_step;
 use super::table::{Cells, Table};
 use crate::setting::Setting;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// Maximum difference of two times of one row, in steps between rows.
@@ -34,8 +35,16 @@ const MAX_EXTRA_SHARE: f64 = 0.01;
 pub(super) struct Recording {
     /// The part of the paths that tells it from the others, or the words of its channels.
     pub name: String,
-    /// Each file as its index among all files, with the word of its channel.
-    pub files: Vec<(usize, String)>,
+    pub files: Vec<ChannelFile>,
+}
+
+/// A file of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ChannelFile {
+    /// Its index among all files.
+    pub index: usize,
+    /// The word of its channel.
+    pub word: String,
 }
 
 /// A joined recording.
@@ -50,7 +59,7 @@ pub(super) struct Joined {
 impl Recording {
     /// Returns true if the names of its files are those of several measured quantities.
     pub fn has_channels(&self) -> bool {
-        self.files.len() > 1 && self.files.iter().all(|(_, word)| guess::is_channel(word))
+        self.files.len() > 1 && self.files.iter().all(|of| guess::is_channel(&of.word))
     }
 }
 
@@ -59,10 +68,10 @@ impl Recording {
 /// # Errors
 /// If the paths do not show which files belong together.
 pub(super) fn recordings(files: &[PathBuf]) -> Result<Vec<Recording>, DataError> {
-    let mut groups: BTreeMap<String, Vec<(usize, String)>> = BTreeMap::new();
-    for (at, file) in files.iter().enumerate() {
-        let (key, channel) = key_and_channel(file);
-        groups.entry(key).or_default().push((at, channel));
+    let mut groups: BTreeMap<String, Vec<ChannelFile>> = BTreeMap::new();
+    for (index, file) in files.iter().enumerate() {
+        let (key, word) = key_and_channel(file);
+        groups.entry(key).or_default().push(ChannelFile { index, word });
     }
     let is_alone = groups.values().all(|group| group.len() == 1);
     if is_alone {
@@ -83,14 +92,14 @@ pub(super) fn recordings(files: &[PathBuf]) -> Result<Vec<Recording>, DataError>
     };
     if let Some(short) = groups.values().find(|group| group.len() < most) {
         let found = format!("{} of {most} channels of its recording", short.len());
-        return Err(refused(short[0].0, found));
+        return Err(refused(short[0].index, found));
     }
     for group in groups.values() {
-        let is_second = |(place, (_, word)): &(usize, &(usize, String))| {
-            group[..*place].iter().any(|(_, known)| known == word)
+        let is_second = |(place, of): &(usize, &ChannelFile)| {
+            group[..*place].iter().any(|known| known.word == of.word)
         };
-        if let Some((_, (at, word))) = group.iter().enumerate().find(is_second) {
-            return Err(refused(*at, format!("a second channel {word} of its recording")));
+        if let Some((_, ChannelFile { index, word })) = group.iter().enumerate().find(is_second) {
+            return Err(refused(*index, format!("a second channel {word} of its recording")));
         }
     }
     let keys: Vec<Vec<String>> =
@@ -100,8 +109,8 @@ pub(super) fn recordings(files: &[PathBuf]) -> Result<Vec<Recording>, DataError>
         keys.len() > 1 && part.is_some() && keys.iter().all(|key| key.get(*at) == part)
     });
     let common = common.count();
-    let name = |key: &[String], files: &[(usize, String)]| match keys.len() {
-        1 => files.iter().map(|(_, word)| word.as_str()).collect::<Vec<_>>().join("+"),
+    let name = |key: &[String], files: &[ChannelFile]| match keys.len() {
+        1 => files.iter().map(|of| of.word.as_str()).collect::<Vec<_>>().join("+"),
         _ => key[common..].join("-"),
     };
     let mut found: Vec<Recording> = keys
@@ -109,7 +118,7 @@ pub(super) fn recordings(files: &[PathBuf]) -> Result<Vec<Recording>, DataError>
         .zip(groups.into_values())
         .map(|(key, files)| Recording { name: name(key, &files), files })
         .collect();
-    found.sort_by_key(|recording| recording.files[0].0);
+    found.sort_by_key(|recording| recording.files[0].index);
     Ok(found)
 }
 
@@ -131,8 +140,7 @@ fn key_and_channel(file: &Path) -> (String, String) {
         key.retain(|part| !part.is_empty());
         return (key.join("/"), word.to_lowercase());
     }
-    let stem = parts.last().cloned().unwrap_or_default();
-    (parts.join("/"), stem)
+    (parts.join("/"), parts.last().cloned().unwrap_or_default())
 }
 
 /// Returns the parts of a name that are letters alone.
@@ -232,20 +240,9 @@ fn channel(word: String, table: Table, options: &ReadOptions) -> Result<Channel,
 
 /// Returns the times of a column in its unit, or in s for dates.
 pub(super) fn times(file: &str, name: &str, cells: &Cells) -> Result<Vec<f64>, DataError> {
-    let time = |row: usize| match cells {
-        Cells::Numbers(cells) => cells[row],
-        Cells::Integers(cells) => cells[row].map_or(f64::NAN, |n| n as f64),
-        Cells::Stamps(cells) => cells[row].map_or(f64::NAN, |ns| ns as f64 / 1e9),
-        Cells::Texts(cells) => match parse_stamp(cells[row].as_bytes(), None) {
-            Ok(Some(stamp)) => stamp.nanoseconds() as f64 / 1e9,
-            _ => cells[row].trim().parse().unwrap_or(f64::NAN),
-        },
-        Cells::Mixed(cells) => match parse_stamp(cells.text(row).unwrap_or_default(), None) {
-            Ok(Some(stamp)) if cells.number(row).is_nan() => stamp.nanoseconds() as f64 / 1e9,
-            _ => cells.number(row),
-        },
-        Cells::Unreadable { .. } => f64::NAN,
-    };
+    let stamp = |row: usize| parse_stamp(&cells.text(row), None).ok().flatten();
+    let seconds = |row: usize| stamp(row).map(|stamp| stamp.nanoseconds() as f64 / 1e9);
+    let time = |row: usize| cells.number(row).or_else(|| seconds(row)).unwrap_or(f64::NAN);
     let times: Vec<f64> = (0..cells.len()).map(time).collect();
     if times.iter().any(|time| !time.is_nan()) {
         return Ok(times);
@@ -296,8 +293,28 @@ fn counted_rows(channels: &[Channel]) -> Result<MatchedRows, DataError> {
     Ok(MatchedRows { rows, in_words })
 }
 
-/// Joins files by their times. Rows without a time, at most `max_bad_share` of a file, are left out.
-fn matched_rows(channels: &[Channel], max_bad_share: f64) -> Result<MatchedRows, DataError> {
+/// The rows of a file that have a time, in the order of their times.
+struct SortedRows {
+    rows: Vec<usize>,
+    times: Vec<f64>,
+}
+
+impl SortedRows {
+    fn of(channel: &Channel) -> Self {
+        let is_timed = |row: &usize| !channel.times[*row].is_nan();
+        let mut rows: Vec<usize> = (0..channel.times.len()).filter(is_timed).collect();
+        rows.sort_by(|a, b| channel.times[*a].total_cmp(&channel.times[*b]));
+        let times = rows.iter().map(|row| channel.times[*row]).collect();
+        Self { rows, times }
+    }
+
+    fn range(&self) -> RangeInclusive<f64> {
+        self.times[0]..=self.times[self.times.len() - 1]
+    }
+}
+
+/// Returns the number of rows without a time, at most `max_bad_share` of each file.
+fn untimed_rows(channels: &[Channel], max_bad_share: f64) -> Result<usize, DataError> {
     let mut untimed = 0;
     for channel in channels {
         let count = channel.times.iter().filter(|time| time.is_nan()).count();
@@ -307,78 +324,79 @@ fn matched_rows(channels: &[Channel], max_bad_share: f64) -> Result<MatchedRows,
         }
         untimed += count;
     }
-    let left_out = match untimed {
+    Ok(untimed)
+}
+
+/// Joins files by their times. Rows without a time, at most `max_bad_share` of a file, are left out.
+fn matched_rows(channels: &[Channel], max_bad_share: f64) -> Result<MatchedRows, DataError> {
+    let left_out = match untimed_rows(channels, max_bad_share)? {
         0 => String::new(),
-        _ => format!(", {untimed} rows without a time are left out"),
+        untimed => format!(", {untimed} rows without a time are left out"),
     };
-    let orders: Vec<Vec<usize>> = channels
-        .iter()
-        .map(|channel| {
-            let mut order: Vec<usize> =
-                (0..channel.times.len()).filter(|row| !channel.times[*row].is_nan()).collect();
-            order.sort_by(|a, b| channel.times[*a].total_cmp(&channel.times[*b]));
-            order
-        })
-        .collect();
-    let sorted: Vec<Vec<f64>> = channels
-        .iter()
-        .zip(&orders)
-        .map(|(channel, order)| order.iter().map(|row| channel.times[*row]).collect())
-        .collect();
-    let (from, to) = common_times(channels, &sorted)?;
-    let steps = sorted.iter().filter_map(|times| median_step(times));
+    let sorted: Vec<SortedRows> = channels.iter().map(SortedRows::of).collect();
+    let common = common_times(channels, &sorted)?;
+    let steps = sorted.iter().filter_map(|of| median_step(&of.times));
     let tolerance = SAME_TIME_STEPS * steps.fold(f64::INFINITY, f64::min);
     let tolerance = if tolerance.is_finite() { tolerance } else { 0.0 };
-    let mut next: Vec<usize> =
-        sorted.iter().map(|times| times.partition_point(|time| *time < from - tolerance)).collect();
+    let within = common.start() - tolerance..=common.end() + tolerance;
+    let mut rows = rows_of_equal_times(&sorted, &within, tolerance);
+    let is_whole = |row: &Vec<Option<usize>>| row.iter().all(Option::is_some);
+    let (all, whole) = (rows.len(), rows.iter().filter(|row| is_whole(row)).count());
+    if (whole as f64) < MIN_COMMON_SHARE * all as f64 {
+        let in_words = format!(
+            "their times, which differ: {all} rows, {whole} of them with a value in each{left_out}"
+        );
+        return Ok(MatchedRows { rows, in_words });
+    }
+    let outside = |of: &SortedRows| of.times.iter().filter(|time| !within.contains(time)).count();
+    let others = all - whole + sorted.iter().map(outside).max().unwrap_or_default();
+    rows.retain(is_whole);
+    let mut in_words = format!("their equal times: {whole} rows");
+    if others > 0 {
+        in_words += &format!(", {others} times without a row in each are left out");
+    }
+    Ok(MatchedRows { rows, in_words: in_words + &left_out })
+}
+
+/// Returns the rows of each time in a range, for times that differ by at most a tolerance: that of each file, if it has one.
+fn rows_of_equal_times(
+    sorted: &[SortedRows],
+    within: &RangeInclusive<f64>,
+    tolerance: f64,
+) -> Vec<Vec<Option<usize>>> {
+    let start = |of: &SortedRows| of.times.partition_point(|time| time < within.start());
+    let mut next: Vec<usize> = sorted.iter().map(start).collect();
     let mut rows = Vec::new();
     loop {
-        let heads = sorted.iter().zip(&next).filter_map(|(times, at)| times.get(*at).copied());
-        let Some(time) = heads.min_by(f64::total_cmp).filter(|time| *time <= to + tolerance) else {
-            break;
+        let heads = sorted.iter().zip(&next).filter_map(|(of, at)| of.times.get(*at).copied());
+        let Some(time) = heads.min_by(f64::total_cmp).filter(|time| time <= within.end()) else {
+            return rows;
         };
-        let row: Vec<Option<usize>> = (0..channels.len())
-            .map(|at| {
-                let is_here =
-                    sorted[at].get(next[at]).is_some_and(|head| *head <= time + tolerance);
-                next[at] += usize::from(is_here);
-                is_here.then(|| orders[at][next[at] - 1])
-            })
-            .collect();
-        rows.push(row);
+        let row = sorted.iter().zip(&mut next).map(|(of, next)| {
+            let at = *next;
+            let is_here = of.times.get(at).is_some_and(|head| *head <= time + tolerance);
+            *next += usize::from(is_here);
+            is_here.then(|| of.rows[at])
+        });
+        rows.push(row.collect());
     }
-    let common = rows.iter().filter(|row| row.iter().all(Option::is_some)).count();
-    if common as f64 >= MIN_COMMON_SHARE * rows.len() as f64 {
-        let is_outside = |time: &&f64| **time < from - tolerance || **time > to + tolerance;
-        let outside = sorted.iter().map(|times| times.iter().filter(is_outside).count()).max();
-        let others = rows.len() - common + outside.unwrap_or_default();
-        rows.retain(|row| row.iter().all(Option::is_some));
-        let mut in_words = format!("their equal times: {common} rows");
-        if others > 0 {
-            in_words += &format!(", {others} times without a row in each are left out");
-        }
-        return Ok(MatchedRows { rows, in_words: in_words + &left_out });
-    }
-    let in_words = format!(
-        "their times, which differ: {} rows, {common} of them with a value in each{left_out}",
-        rows.len()
-    );
-    Ok(MatchedRows { rows, in_words })
 }
 
 /// Returns the range of times that all files have.
-fn common_times(channels: &[Channel], sorted: &[Vec<f64>]) -> Result<(f64, f64), DataError> {
-    let range = |times: &Vec<f64>| (times[0], times[times.len() - 1]);
-    let ranges: Vec<(f64, f64)> = sorted.iter().map(range).collect();
-    let from = ranges.iter().map(|(from, _)| *from).fold(f64::NEG_INFINITY, f64::max);
-    let to = ranges.iter().map(|(_, to)| *to).fold(f64::INFINITY, f64::min);
-    let shortest = ranges.iter().map(|(from, to)| to - from).fold(f64::INFINITY, f64::min);
+fn common_times(
+    channels: &[Channel],
+    sorted: &[SortedRows],
+) -> Result<RangeInclusive<f64>, DataError> {
+    let ranges: Vec<RangeInclusive<f64>> = sorted.iter().map(SortedRows::range).collect();
+    let from = ranges.iter().map(|of| *of.start()).fold(f64::NEG_INFINITY, f64::max);
+    let to = ranges.iter().map(|of| *of.end()).fold(f64::INFINITY, f64::min);
+    let shortest = ranges.iter().map(|of| of.end() - of.start()).fold(f64::INFINITY, f64::min);
     if to >= from && to - from >= MIN_OVERLAP * shortest {
-        return Ok((from, to));
+        return Ok(from..=to);
     }
-    let in_words = |at: usize| format!("times {} to {}", ranges[at].0, ranges[at].1);
-    let other =
-        (0..ranges.len()).find(|at| ranges[*at].1 < from || ranges[*at].0 > to).unwrap_or(1);
+    let in_words = |at: usize| format!("times {} to {}", ranges[at].start(), ranges[at].end());
+    let is_apart = |of: &RangeInclusive<f64>| *of.end() < from || *of.start() > to;
+    let other = ranges.iter().position(is_apart).unwrap_or(1);
     let first = usize::from(other == 0);
     Err(DataError::file(
         &channels[other].file,

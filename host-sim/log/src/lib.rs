@@ -77,6 +77,7 @@ pub mod statistics;
 mod survey;
 mod table;
 mod torque_constant;
+mod torque_fit;
 mod torque_scale;
 mod trace_sink;
 mod unit;
@@ -84,7 +85,6 @@ mod velocity;
 pub mod work;
 mod zone;
 
-pub use acceleration::{DERIVATIVE_WINDOW, derivative};
 pub use clean::MAX_RUNS;
 pub use clock::{day_number, utc_minute};
 pub use column_pair::ColumnPair;

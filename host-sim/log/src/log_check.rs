@@ -34,6 +34,7 @@ mod position_zero;
 mod quantised;
 mod rate;
 mod register;
+mod rows;
 mod run_offset;
 mod saturated;
 mod sign;
@@ -41,7 +42,6 @@ mod spike;
 mod suspicion;
 mod swapped;
 mod time;
-mod torque_fit;
 mod torque_lag;
 mod two_sources;
 mod unit;
@@ -167,7 +167,7 @@ pub fn check(data: Dataset, correct: Corrections) -> CheckedLog {
         (data, smoothed) = (fresh.select(&data), fresh.select(&smoothed));
     }
     let by_evidence = correct.motion && correct.motion_by_evidence;
-    let is_motion_logged = by_evidence && motion::choice::logged_is_better(&data, &smoothed);
+    let is_motion_logged = by_evidence && motion::logged_is_better(&data, &smoothed);
     let is_reconstructed = correct.motion && !is_motion_logged;
     let mut data = if is_reconstructed { smoothed } else { data };
     if is_motion_logged {

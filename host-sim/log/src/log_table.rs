@@ -99,41 +99,18 @@ impl<'a> LogTable<'a> {
         Ok(Self { lines, bad_lines, notes, hint: Some(note), ..wide })
     }
 
-    /// Returns the named columns. A first row of words without a number holds units, which are added to the names.
+    /// Returns the named columns, whose units are added to the names, and the number of each row.
     pub fn into_table(self) -> (Table, Vec<u64>) {
-        let Self { file, plan, columns, mut lines, .. } = self;
-        let unit = |cells: &Cow<Cells>| match &**cells {
-            Cells::Mixed(cells) => {
-                cells.unit().map(|unit| String::from_utf8_lossy(unit).into_owned())
-            }
-            _ => None,
-        };
-        let units: Vec<Option<String>> = columns.iter().map(unit).collect();
-        let is_above = |(cells, unit): (&Cow<Cells>, &Option<String>)| match &**cells {
-            Cells::Mixed(cells) => {
-                unit.is_some() || cells.has_no_text() && cells.number(0).is_nan()
-            }
-            _ => false,
-        };
-        let has_units =
-            units.iter().any(Option::is_some) && columns.iter().zip(&units).all(is_above);
-        if has_units {
-            lines.remove(0);
-        }
-        let start = usize::from(has_units);
-        let named = plan.names.names.into_iter().zip(columns).zip(units);
+        let Self { file, plan, columns, lines, .. } = self;
+        let units = plan.names.units.iter().map(String::as_str).chain(std::iter::repeat(""));
+        let named = plan.names.names.iter().zip(columns).zip(units);
         let named = named.map(|((name, cells), unit)| {
             let cells = match cells.into_owned() {
-                cells if has_units => cells.select((start..cells.len()).map(Some)),
                 Cells::Unreadable { kind, .. } => Cells::Unreadable { rows: lines.len(), kind },
                 cells => cells,
             };
-            match unit.filter(|_| has_units) {
-                Some(unit) => {
-                    (format!("{name} [{}]", unit.trim_matches(['[', ']', '(', ')', ' '])), cells)
-                }
-                None => (name, cells),
-            }
+            let name = if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") };
+            (name, cells)
         });
         let table = Table { name: file.display().to_string(), columns: named.collect() };
         (table, lines)

@@ -89,16 +89,6 @@ impl MixedCells {
         Some(&self.bytes[self.spans[at].clone()])
     }
 
-    /// Returns the only text, if it is that of the first row and no cell of it is a number.
-    pub(super) fn unit(&self) -> Option<&[u8]> {
-        (self.rows == [0] && self.number(0).is_nan()).then(|| self.text(0)).flatten()
-    }
-
-    /// Returns true if no cell has a text.
-    pub(super) fn has_no_text(&self) -> bool {
-        self.rows.is_empty()
-    }
-
     /// Returns the cells of some rows; a missing value where there is no row.
     pub(super) fn select(&self, rows: impl Iterator<Item = Option<usize>>) -> Self {
         let mut selected = Self::default();

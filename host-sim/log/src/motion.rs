@@ -11,18 +11,21 @@
 //! velocity is clean and only delayed, as a drive's own velocity is, the position is shifted to its clock, so that a
 //! torque ripple over the angle stays aligned with the torque.
 
-pub mod agreement;
-pub mod choice;
-pub mod columns;
-pub mod filter;
-pub mod levels;
+mod agreement;
+mod choice;
+mod columns;
+mod filter;
+mod levels;
 mod low_pass;
-pub mod quantum;
-pub mod rest;
+mod quantum;
+mod rest;
 
+pub use agreement::Agreement;
+pub(crate) use choice::logged_is_better;
 pub use columns::{DRAWS, Sensors};
+pub(crate) use quantum::quantum;
 
-use crate::{Dataset, Quantity, Run, segments};
+use crate::{Dataset, Part, Quantity, Run, segments};
 use columns::{MotionAnalysis, MotionSegment};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -33,39 +36,32 @@ use std::ops::Range;
 /// Seed of the draws. It is constant, so that a log always gives the same draws.
 const SEED: u64 = 0x6d6f_7469_6f6e;
 
-/// Returns the segments of all runs as (index of the run, rows).
-fn stretches(data: &Dataset) -> Vec<(usize, Range<usize>)> {
+/// Returns the segments of all runs.
+fn parts(data: &Dataset) -> Vec<Part> {
     let runs = data.runs.iter().enumerate();
-    runs.flat_map(|(index, run)| segments(run).into_iter().map(move |rows| (index, rows))).collect()
+    runs.flat_map(|(run, of)| segments(of).into_iter().map(move |rows| Part { run, rows }))
+        .collect()
 }
 
-fn stretch<'a>(run: &'a Run, rows: &Range<usize>) -> MotionSegment<'a> {
+fn segment<'a>(data: &'a Dataset, part: &Part) -> MotionSegment<'a> {
+    let (run, rows) = (&data.runs[part.run], part.rows.clone());
     MotionSegment {
         time_s: &run.time_s[rows.clone()],
         position: run.get(Quantity::Position).map(|q| &q[rows.clone()]),
-        velocity: &run.velocity[rows.clone()],
+        velocity: &run.velocity[rows],
     }
-}
-
-/// Returns the properties of the log's motion sensors.
-pub fn sensors(data: &Dataset) -> Sensors {
-    let places = stretches(data);
-    let all: Vec<MotionSegment> =
-        places.iter().map(|(run, rows)| stretch(&data.runs[*run], rows)).collect();
-    MotionAnalysis::new(&all).sensors
 }
 
 /// Replaces the logged motion by the reconstructed one, and returns it with the properties of the sensors. Without a
 /// position column only the velocity is smoothed. That is less accurate, and the draws are wider.
 pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
-    let places = stretches(data);
-    let all: Vec<MotionSegment> =
-        places.iter().map(|(run, rows)| stretch(&data.runs[*run], rows)).collect();
+    let parts = parts(data);
+    let all: Vec<MotionSegment> = parts.iter().map(|part| segment(data, part)).collect();
     let study = MotionAnalysis::new(&all);
     let mut found = data.clone();
     if let Some(late_s) = study.sensors.velocity_late_s() {
-        for (index, rows) in &places {
-            align_position_time(&mut found.runs[*index], rows.clone(), late_s);
+        for part in &parts {
+            align_position_time(&mut found.runs[part.run], part.rows.clone(), late_s);
         }
     }
     for run in &mut found.runs {
@@ -82,8 +78,8 @@ pub fn reconstruct(data: &Dataset) -> (Dataset, Sensors) {
     for run in &mut found.runs {
         run.velocity_draws = vec![vec![0.0; run.len()]; DRAWS];
     }
-    for ((run, rows), motion) in places.iter().zip(motions) {
-        let run = &mut found.runs[*run];
+    for (Part { run, rows }, motion) in parts.into_iter().zip(motions) {
+        let run = &mut found.runs[run];
         // If the result of a segment is not finite, its motion stays as logged.
         if !motion.is_finite() {
             run.velocity_is_smooth = false;

@@ -11,7 +11,7 @@
 //! recordings with overlapping clocks would have them. And the clock does not simply run backwards, which is another
 //! fault.
 
-use super::segment::GAP_FACTOR;
+use super::segment::{GAP_FACTOR, stretches};
 use super::statistics::median_step;
 use std::ops::Range;
 
@@ -126,15 +126,7 @@ fn restarts(rest: &[f64], before: f64) -> bool {
 pub(super) fn recordings(time: &[f64]) -> Vec<Range<usize>> {
     let limit =
         median_step(time).map_or(f64::INFINITY, |step| (MIN_PAUSE_STEPS * step).max(MIN_PAUSE_S));
-    let (mut found, mut start) = (Vec::new(), 0);
-    for (at, pair) in time.windows(2).enumerate() {
-        if pair[1] - pair[0] > limit || pair[1] < pair[0] {
-            found.push(start..at + 1);
-            start = at + 1;
-        }
-    }
-    found.push(start..time.len());
-    found
+    stretches(time, |one, next| one <= next && next - one <= limit).collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What is read of a log: decided by its header, before its rows are read.
 
 use super::column_names::ColumnNames;
+use super::columns::is_missing_value;
 use super::dataset::LeftOutColumn;
 use super::error::{DataError, at_header};
 use super::header::{Layout, layout};
@@ -8,6 +9,8 @@ use super::long_table::LongTable;
 use super::mixed_cells::Need;
 use super::options::ReadOptions;
 use super::row_clock::Timing;
+use super::unit;
+use std::mem::take;
 use std::path::Path;
 
 /// Number of rows that a survey looks at.
@@ -186,7 +189,27 @@ impl Plan {
     ) -> Result<bool, DataError> {
         match &mut self.reading {
             Reading::Data(layout) => layout.take_units(file, cells, place),
-            _ => Ok(false),
+            _ => {
+                let units = units(cells);
+                let has_units = units.is_some();
+                self.names.units = units.unwrap_or_else(|| take(&mut self.names.units));
+                Ok(has_units)
+            }
         }
     }
+}
+
+/// Minimum number of units in a row of units. One may be a word that means something else.
+const MIN_UNITS: usize = 2;
+
+/// Returns the units in a row of units, empty where there is none; `None` for a row of values.
+fn units(cells: &[&[u8]]) -> Option<Vec<String>> {
+    let unit = |cell: &&[u8]| match unit::in_cell(cell) {
+        missing if is_missing_value(missing.as_bytes()) => String::new(),
+        unit => unit,
+    };
+    let units: Vec<String> = cells.iter().map(unit).collect();
+    let has_number = cells.iter().any(|cell| fast_float2::parse::<f64, _>(cell).is_ok());
+    let known = units.iter().filter(|unit| unit::is_symbol(unit)).count();
+    (known >= MIN_UNITS && !has_number).then_some(units)
 }

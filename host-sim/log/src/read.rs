@@ -105,11 +105,11 @@ fn join_recordings(
     let (mut parts, mut names, mut firsts, mut joined_notes) = (vec![], vec![], vec![], vec![]);
     for recording in recordings {
         let channels = recording.files.iter();
-        let channels = channels.filter_map(|(at, word)| Some((word.clone(), tables[*at].take()?)));
+        let channels = channels.filter_map(|of| Some((of.word.clone(), tables[of.index].take()?)));
         let joined = join::join_tables(&recording.name, channels.collect(), options)?;
         parts.push(read_table(&joined.table, options)?);
         names.push(PathBuf::from(&joined.table.name));
-        firsts.push(recording.files[0].0);
+        firsts.push(recording.files[0].index);
         joined_notes.push(format!("{} are joined by {}", joined.files, joined.in_words));
     }
     let mut data = merge(&names, parts)?;

@@ -23,16 +23,23 @@ pub fn segments(run: &Run) -> Vec<Range<usize>> {
         return found;
     }
     let split = |rows: Range<usize>| {
-        let mut start = rows.start;
-        let pieces = run.pieces[rows].chunk_by(|one, next| one == next);
-        let pieces = pieces.map(move |piece| {
-            start += piece.len();
-            start - piece.len()..start
-        });
-        pieces.collect::<Vec<_>>()
+        let pieces = stretches(&run.pieces[rows.clone()], |one, next| one == next);
+        pieces.map(move |piece| rows.start + piece.start..rows.start + piece.end)
     };
     found = found.into_iter().flat_map(split).collect();
     found
+}
+
+/// Returns the stretches of alike values as row ranges in order.
+pub(super) fn stretches<T>(
+    values: &[T],
+    are_alike: impl Fn(&T, &T) -> bool,
+) -> impl Iterator<Item = Range<usize>> {
+    let mut end = 0;
+    values.chunk_by(are_alike).map(move |alike| {
+        end += alike.len();
+        end - alike.len()..end
+    })
 }
 
 /// Returns the segments of a run, given its times.
@@ -49,16 +56,7 @@ pub(super) fn segments_of(time: &[f64]) -> Vec<Range<usize>> {
         return std::iter::once(0..time.len()).collect();
     }
     let longest = median_step(time).map_or(f64::INFINITY, |step| GAP_FACTOR * step);
-    let mut found = Vec::new();
-    let mut start = 0;
-    for at in 1..time.len() {
-        if time[at] - time[at - 1] > longest {
-            found.push(start..at);
-            start = at;
-        }
-    }
-    found.push(start..time.len());
-    found
+    stretches(time, |one, next| next - one <= longest).collect()
 }
 
 #[cfg(test)]

@@ -4,10 +4,10 @@
 //! degrees is a sixth of the derivative. The time has a unit by its rate.
 
 use crate::statistics::{median, median_step};
-use crate::unit::{conversion, size};
+use crate::unit::{SizedUnit, conversion, size, sized};
 
 /// Rates of a log, Hz, in a probable unit of its time.
-const PROBABLE_RATES_HZ: std::ops::Range<f64> = 10.0..1e5;
+pub(super) const PROBABLE_RATES_HZ: std::ops::Range<f64> = 10.0..1e5;
 
 /// Units of time, the most common first.
 const TIME_UNITS: [&str; 4] = ["s", "ms", "us", "ns"];
@@ -36,12 +36,40 @@ const MAX_SPEED_RAD_S: f64 = 150.0;
 
 /// Returns the unit of a time column by its rate, if it is not seconds.
 pub(super) fn time_unit(time: &[f64]) -> Option<&'static str> {
-    let step = median_step(time)?;
+    step_unit(median_step(time)?)
+}
+
+/// Returns the unit of the step between rows by the rate, if it is not seconds.
+pub(super) fn step_unit(step: f64) -> Option<&'static str> {
     let is_probable = |unit: &&&str| {
         conversion("time_s", unit)
             .is_ok_and(|of| PROBABLE_RATES_HZ.contains(&(1.0 / of.apply(step))))
     };
     TIME_UNITS.iter().find(is_probable).copied().filter(|unit| *unit != "s")
+}
+
+/// Units of a time, the most probable first, and of the motion; `None` for the contract's.
+pub(super) struct ClockedUnits {
+    pub times: Vec<Option<&'static str>>,
+    pub motion: PossibleUnits,
+}
+
+/// Returns the units of a time that nothing states, and those of the motion, which `motion_in` returns for a unit of the time.
+pub(super) fn clocked_units(
+    time: Option<&[f64]>,
+    motion_in: impl Fn(&str) -> PossibleUnits,
+) -> ClockedUnits {
+    let by_rate = time.and_then(time_unit);
+    let motion = motion_in(by_rate.unwrap_or("s"));
+    if by_rate.is_none() || motion.is_by_ratio {
+        return ClockedUnits { times: vec![by_rate], motion };
+    }
+    // A slow log in seconds has the rate of a fast one in ms. The motion decides, if it can.
+    let in_seconds = motion_in("s");
+    match in_seconds.is_by_ratio {
+        true => ClockedUnits { times: vec![None], motion: in_seconds },
+        false => ClockedUnits { times: vec![by_rate, None], motion },
+    }
 }
 
 /// The columns of a motion, with the units that are known. The time is in seconds.
@@ -132,16 +160,11 @@ fn fitting(of: MotionSample, ratio: f64) -> Vec<FittingUnits> {
     fitting
 }
 
-/// A unit with the number in the column for one unit of the contract.
-struct Candidate {
-    unit: &'static str,
-    size: f64,
-}
-
 /// Returns all units, or the known one.
-fn candidates(name: &str, units: &[&'static str], known: Option<&str>) -> Vec<Candidate> {
-    let all = units.iter().filter_map(|unit| Some(Candidate { unit, size: size(name, unit)? }));
-    all.filter(|of| known.is_none_or(|known| size(name, known) == Some(of.size))).collect()
+fn candidates(name: &str, units: &[&'static str], known: Option<&str>) -> Vec<SizedUnit> {
+    let mut all = sized(name, units);
+    all.retain(|of| known.is_none_or(|known| size(name, known) == Some(of.size)));
+    all
 }
 
 /// What the range of an angle without a unit shows.

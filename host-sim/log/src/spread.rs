@@ -4,6 +4,7 @@
 //! rate of the log appears as that of its clock. Of a clock that stands still now and then, only the rows of a stamp are spread
 //! after which it goes on where it should be.
 
+use super::segment::stretches;
 use super::statistics::median_step;
 use std::ops::Range;
 
@@ -22,7 +23,7 @@ const MAX_RELEASE_ERROR: f64 = 0.5;
 /// Spreads the rows of equal stamps of one recording in time. `values` are its velocities and torques. Returns the
 /// number of rows that get another time.
 pub(super) fn spread(time: &mut [f64], values: [&[f64]; 2]) -> usize {
-    let groups: Vec<Range<usize>> = groups(time);
+    let groups: Vec<Range<usize>> = stretches(time, |one, next| one == next).collect();
     let is_equal = |row: &usize| values.iter().all(|of| of[*row] == of[row - 1]);
     if groups.len() < 2 || time.len() < MIN_ROWS_PER_STAMP * groups.len() {
         return released(time, &groups, &is_equal);
@@ -74,17 +75,6 @@ fn released(time: &mut [f64], groups: &[Range<usize>], is_equal: &dyn Fn(&usize)
         }
     }
     moved
-}
-
-/// Returns the rows of each stamp.
-fn groups(time: &[f64]) -> Vec<Range<usize>> {
-    let mut start = 0;
-    let lengths = time.chunk_by(|a, b| a == b).map(<[f64]>::len);
-    let group = |length| {
-        start += length;
-        start - length..start
-    };
-    lengths.map(group).collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::clock::is_date;
 use super::clock_fault::is_step_column;
-use super::column_guess::guesses;
 use super::column_pair::ColumnPair;
 use super::columns::is_missing_value;
 use super::error::one_line;
@@ -67,27 +66,19 @@ pub(super) struct SurveyedColumn {
     pub values: Vec<f64>,
 }
 
-/// Describes the columns of a table by its first rows. Columns without names in the file are suggested by their values.
+/// Describes the columns of a table by its first rows.
 pub(super) fn surveyed_columns(table: &LogTable) -> Vec<SurveyedColumn> {
     let names = &table.plan.names;
     let rows = table.lines.len().min(SURVEY_ROWS);
-    let numbers = |cells: &Cells| -> Vec<f64> {
-        (0..rows).map(|row| cells.number(row).unwrap_or(f64::NAN)).collect()
-    };
-    let values: Vec<Vec<f64>> = table.columns.iter().map(|cells| numbers(cells)).collect();
-    let guesses = if names.is_numbered { guesses(&values) } else { Vec::new() };
-    let mut guesses = guesses.into_iter();
-    let mut columns = Vec::new();
-    for (index, (name, values)) in names.names.iter().zip(values).enumerate() {
-        let mut summary = summary(name, &table.columns[index], rows);
+    let column = |(index, name): (usize, &String)| {
+        let cells = &table.columns[index];
+        let values: Vec<f64> = (0..rows).map(|row| cells.number(row).unwrap_or(f64::NAN)).collect();
+        let mut summary = summary(name, cells, rows);
         summary.is_step = is_step_column(&values);
         summary.unit = names.units.get(index).filter(|unit| !unit.is_empty()).cloned();
-        let mut pairs = guesses.next().unwrap_or_default().into_iter().map(|of| of.pair(name));
-        summary.suggestion = pairs.next();
-        summary.alternatives = pairs.collect();
-        columns.push(SurveyedColumn { summary, values });
-    }
-    columns
+        SurveyedColumn { summary, values }
+    };
+    names.names.iter().enumerate().map(column).collect()
 }
 
 /// Summarises the first `rows` cells of a column.

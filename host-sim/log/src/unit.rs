@@ -263,6 +263,24 @@ pub fn parse_value(contract_name: &str, text: &str) -> Result<f64, UnitError> {
     Ok(conversion(contract_name, text)?.apply(1.0))
 }
 
+/// Returns the unit in a cell, which may be in brackets or quotes.
+pub(super) fn in_cell(cell: &[u8]) -> String {
+    String::from_utf8_lossy(cell).trim_matches(['[', ']', '(', ')', '"', ' ']).to_owned()
+}
+
+/// A unit with the number in a column for one unit of the contract.
+#[derive(Clone, Copy)]
+pub(super) struct SizedUnit {
+    pub unit: &'static str,
+    pub size: f64,
+}
+
+/// Returns units of a contract column with their sizes.
+pub(super) fn sized(contract_name: &str, units: &[&'static str]) -> Vec<SizedUnit> {
+    let sized = |unit: &&'static str| Some(SizedUnit { unit, size: size(contract_name, unit)? });
+    units.iter().filter_map(sized).collect()
+}
+
 /// Returns true if the symbol is a known unit. The text after a colon in a header's own name mostly is not.
 pub(super) fn is_symbol(symbol: &str) -> bool {
     let text = symbol.trim().trim_start_matches(['-', '−']);

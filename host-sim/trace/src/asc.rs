@@ -182,21 +182,13 @@ fn flexible_frame<'a>(
     Ok(CanFrame::Flexible { identifier, extended, flags, length, bytes: long })
 }
 
-/// Appends the header of the file.
-pub(crate) fn emit_header(out: &mut Vec<u8>) {
-    let lines: [&[u8]; 4] = [
-        b"date Thu Jan 1 00:00:00.000 am 1970\n",
-        b"base hex  timestamps absolute\n",
-        b"internal events logged\n",
-        b"Begin Triggerblock Thu Jan 1 00:00:00.000 am 1970\n",
-    ];
-    lines.iter().for_each(|line| out.extend_from_slice(line));
-}
+/// The header of a file.
+pub(crate) const HEADER: &[u8] =
+    b"date Thu Jan 1 00:00:00.000 am 1970\nbase hex  timestamps absolute\n\
+    internal events logged\nBegin Triggerblock Thu Jan 1 00:00:00.000 am 1970\n";
 
-/// Appends the end of the file.
-pub(crate) fn emit_footer(out: &mut Vec<u8>) {
-    out.extend_from_slice(b"End TriggerBlock\n");
-}
+/// The end of a file.
+pub(crate) const FOOTER: &[u8] = b"End TriggerBlock\n";
 
 /// Appends a line. Every interface is channel 1.
 pub(crate) fn emit(line: &Line, fraction: Fraction, out: &mut Vec<u8>) {

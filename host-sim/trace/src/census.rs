@@ -50,13 +50,10 @@ impl fmt::Display for Census {
         if self.counts.is_empty() {
             return f.write_str("no frames");
         }
-        f.write_str("frames ")?;
-        for (place, (identifier, count)) in
-            self.counts.iter().take(MAX_LISTED_IDENTIFIERS).enumerate()
-        {
-            let comma = if place > 0 { ", " } else { "" };
-            write!(f, "{comma}{identifier:03X} ({count})")?;
-        }
+        let listed = self.counts.iter().take(MAX_LISTED_IDENTIFIERS);
+        let listed: Vec<String> =
+            listed.map(|(identifier, count)| format!("{identifier:03X} ({count})")).collect();
+        write!(f, "frames {}", listed.join(", "))?;
         let more = self.counts.len().saturating_sub(MAX_LISTED_IDENTIFIERS);
         if more > 0 { write!(f, " and {more} more identifiers") } else { Ok(()) }
     }

@@ -74,21 +74,14 @@ fn odrive(frame: &CanFrame) -> Option<DriveReading> {
 }
 
 fn moteus(frame: &CanFrame) -> Option<DriveReading> {
-    let (identifier, data) = match frame {
-        CanFrame::Data { identifier, length, bytes, .. } => {
-            (*identifier, bytes.get(..usize::from(*length))?)
-        }
-        CanFrame::Flexible { identifier, length, bytes, .. } => {
-            (*identifier, bytes.get(..usize::from(*length))?)
-        }
-        _ => return None,
-    };
+    let (CanFrame::Data { .. } | CanFrame::Flexible { .. }) = frame else { return None };
+    let (identifier, _) = frame.identifier();
     // A set bit 15 asks for a reply, so the frame is a command.
     if identifier > 0x7FFF {
         return None;
     }
     let mut found = DriveReading { node: (identifier >> 8) as u8, ..DriveReading::default() };
-    let mut rest = data;
+    let mut rest = frame.data();
     while let [command, after @ ..] = rest {
         rest = after;
         match command {

@@ -26,6 +26,6 @@ pub use census::Census;
 pub use drive::{DriveProtocol, DriveReading};
 pub use fields::Frames;
 pub use frame::{CanFrame, Direction, Fraction, Line, LineError, TextFormat};
-pub use samples::{Assembler, Summary, TraceSample};
+pub use samples::{Assembler, JointOnBus, Summary, TraceSample};
 pub use text::{TextReader, TextWriter};
 pub use writer::Writer;

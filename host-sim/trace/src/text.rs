@@ -116,7 +116,7 @@ impl TextWriter {
             TextFormat::Candump => candump::emit(line, fraction, out),
             TextFormat::Asc => {
                 if self.lines == 0 {
-                    asc::emit_header(out);
+                    out.extend_from_slice(asc::HEADER);
                 }
                 asc::emit(line, fraction, out);
             }
@@ -125,7 +125,7 @@ impl TextWriter {
                     return;
                 }
                 if self.lines == 0 {
-                    trc::emit_header(out);
+                    out.extend_from_slice(trc::HEADER);
                 }
                 trc::emit(line, self.lines + 1, fraction, out);
             }
@@ -136,7 +136,7 @@ impl TextWriter {
     /// Appends the end of the file.
     pub fn end(&self, out: &mut Vec<u8>) {
         if self.format == TextFormat::Asc && self.lines > 0 {
-            asc::emit_footer(out);
+            out.extend_from_slice(asc::FOOTER);
         }
     }
 }

@@ -156,16 +156,9 @@ fn length_in_bytes(word: &[u8], kind: Kind) -> Result<u8, LineError> {
     length.filter(|length| *length <= last && LENGTHS.contains(length)).ok_or(LineError::Length)
 }
 
-/// Appends the header of the file.
-pub(crate) fn emit_header(out: &mut Vec<u8>) {
-    let lines: [&[u8]; 4] = [
-        b";$FILEVERSION=2.1\n",
-        b";$STARTTIME=25569.0\n",
-        b";$COLUMNS=N,O,T,B,I,d,R,L,D\n",
-        b";\n",
-    ];
-    lines.iter().for_each(|line| out.extend_from_slice(line));
-}
+/// The header of a file.
+pub(crate) const HEADER: &[u8] =
+    b";$FILEVERSION=2.1\n;$STARTTIME=25569.0\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n;\n";
 
 /// Appends the line with this number, for all frames but an error frame. Every interface is bus 1.
 pub(crate) fn emit(line: &Line, number: u64, fraction: Fraction, out: &mut Vec<u8>) {

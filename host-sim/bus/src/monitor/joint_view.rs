@@ -9,7 +9,7 @@ mod view;
 use super::quantity::Quantity;
 use super::rates::Rates;
 use super::sdo_poller::{FAILED_SELF_TEST, FAULTS, LIMITS, STATE, SdoReply, UPDATE_KEY};
-use super::series::Series;
+use super::series::{Series, Timed};
 use super::view_data::{Event, EventKind, SyncCounts};
 use crate::bus::{BitRates, Received};
 use crate::codes::{FIRST_FAULT, FIRST_LIMIT, ReportedState, code_name};
@@ -47,18 +47,18 @@ pub struct JointView {
     rates: Rates,
     syncs: SyncCounts,
     last_sync_ns: Option<u64>,
-    /// Start time, ns, and number of the losses in the current log line.
-    losses: (u64, u64),
+    /// The number of losses in the current log line, since its start.
+    losses: Timed<u64>,
     nmt: Option<NmtState>,
     heartbeat_ns: Option<u64>,
     heartbeat_step_ns: Option<u64>,
     last_frame_ns: Option<u64>,
     silent: bool,
-    flags: Option<(u64, Flags)>,
+    flags: Option<Timed<Flags>>,
     /// Bus load at the set bit rate, relative to 1 Mbit/s.
     load_scale: f64,
     /// Polled object values with their times, by index and sub-index.
-    objects: BTreeMap<(u16, u8), (u64, u32)>,
+    objects: BTreeMap<(u16, u8), Timed<u32>>,
     /// Numbers of the active codes.
     codes: BTreeSet<u8>,
     emergencies: u64,
@@ -82,7 +82,7 @@ impl JointView {
             rates: Rates::new(start_ns),
             syncs: SyncCounts::default(),
             last_sync_ns: None,
-            losses: (0, 0),
+            losses: Timed { time_ns: 0, value: 0 },
             nmt: None,
             heartbeat_ns: None,
             heartbeat_step_ns: None,
@@ -181,7 +181,7 @@ impl JointView {
                 self.push(Quantity::Current, time_ns, of.current_a);
                 self.push(Quantity::Residual, time_ns, of.residual_torque_nm);
             }
-            Message::Status(_, of) => self.flags = Some((time_ns, of.flags)),
+            Message::Status(_, of) => self.flags = Some(Timed { time_ns, value: of.flags }),
             Message::Entry(_, TraceEntry::JointKind(kind)) => self.kind = kind,
             _ => {}
         }
@@ -210,15 +210,15 @@ impl JointView {
     /// Logs losses, one line per second, so that a bad cable does not displace all other events.
     fn log_loss(&mut self, lost: u64, time_ns: u64) {
         let line = |count: u64| format!("{count} SYNC{} lost", if count == 1 { "" } else { "s" });
-        let (begun_ns, count) = self.losses;
+        let Timed { time_ns: begun_ns, value: count } = self.losses;
         let continues = time_ns.saturating_sub(begun_ns) < SYNC_PAUSE_NS && count > 0;
         let was = line(count);
         if continues && let Some(event) = self.events.back_mut().filter(|event| event.text == was) {
-            self.losses.1 += lost;
-            event.text = line(self.losses.1);
+            self.losses.value += lost;
+            event.text = line(self.losses.value);
             return;
         }
-        self.losses = (time_ns, lost);
+        self.losses = Timed { time_ns, value: lost };
         self.log(time_ns, EventKind::Warning, line(lost));
     }
 
@@ -270,7 +270,7 @@ impl JointView {
             (true, Some(Code::SelfTestFailed)) => {
                 let test = u32::from(message.vendor_specific[2]);
                 let place = (FAILED_SELF_TEST.index, FAILED_SELF_TEST.subindex);
-                self.objects.insert(place, (time_ns, test));
+                self.objects.insert(place, Timed { time_ns, value: test });
                 format!("{what} {name} ({code:04X}h): test {}", self_test_name(test))
             }
             (true, Some(known)) => {
@@ -302,9 +302,10 @@ impl JointView {
     }
 
     fn object(&mut self, at: Address, value: u32, now_ns: u64) {
-        let before = self.objects.insert((at.index, at.subindex), (now_ns, value));
+        let now = Timed { time_ns: now_ns, value };
+        let before = self.objects.insert((at.index, at.subindex), now);
         match at {
-            STATE if before.is_some_and(|(_, before)| before != value) => {
+            STATE if before.is_some_and(|before| before.value != value) => {
                 let state = ReportedState::from_number(value);
                 let is_fault = state == ReportedState::Fault;
                 let kind = if is_fault { EventKind::Fault } else { EventKind::Note };

@@ -145,15 +145,11 @@ pub fn reading(reading: &Reading, room: usize) -> Row {
     let is_old = reading.stale || reading.unmeasured;
     let mark = if is_old || reading.value.is_none() { Mark::Dim } else { Mark::Value };
     let name = format!("{:<8} ", reading.quantity.name());
-    let (value, unit) = match reading.value {
-        Some(_) if reading.unmeasured => ("-".to_owned(), reading.unit),
-        Some(value) => (short(value), reading.unit),
-        None => ("-".to_owned(), reading.unit),
-    };
+    let value = reading.value.filter(|_| !reading.unmeasured).map_or("-".to_owned(), short);
     let mut row = vec![
         part(name, mark),
         part(format!("{value:>7} "), mark),
-        part(format!("{unit:<5}"), Mark::Dim),
+        part(format!("{:<5}", reading.unit), Mark::Dim),
     ];
     let used = width(&row);
     let missing = reading.missing.as_ref();

@@ -215,13 +215,9 @@ impl SdoPoller {
                 }
             };
         }
-        let next = self.next(now_ns, serves);
-        (
-            next.and_then(|data| {
-                Frame::new(cob_id::SDO_REQUEST + u16::from(self.node.number()), &data)
-            }),
-            reply,
-        )
+        let identifier = cob_id::SDO_REQUEST + u16::from(self.node.number());
+        let frame = self.next(now_ns, serves).and_then(|data| Frame::new(identifier, &data));
+        (frame, reply)
     }
 
     fn next(&mut self, now_ns: u64, serves: bool) -> Option<[u8; 8]> {

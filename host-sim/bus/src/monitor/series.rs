@@ -25,12 +25,21 @@ struct Bucket {
     most: f32,
 }
 
+/// A value with the time at which it arrived.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timed<T> {
+    /// Bus time, ns.
+    pub time_ns: u64,
+    /// The value.
+    pub value: T,
+}
+
 /// A quantity over time.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
     buckets: VecDeque<Bucket>,
-    /// Time, ns, and value of the latest one.
-    pub last: Option<(u64, f32)>,
+    /// The latest value.
+    pub last: Option<Timed<f32>>,
     /// True if the joint reports the quantity as not measured: the latest value was NaN.
     pub is_unmeasured: bool,
     /// Usual time between values, ns.
@@ -52,13 +61,12 @@ impl Series {
         if self.is_unmeasured {
             return;
         }
-        if let Some((before_ns, _)) = self.last {
-            let step_ns = time_ns.saturating_sub(before_ns) as f64;
+        if let Some(before) = self.last.replace(Timed { time_ns, value }) {
+            let step_ns = time_ns.saturating_sub(before.time_ns) as f64;
             // A pause does not change the usual period.
             let usual_ns = self.step_ns.unwrap_or(step_ns);
             self.step_ns = Some(usual_ns + 0.05 * (step_ns.min(2e9) - usual_ns));
         }
-        self.last = Some((time_ns, value));
         widen(&mut self.range, value);
         widen(&mut self.line_range, value);
         let number = time_ns / BUCKET_NS;
@@ -183,7 +191,10 @@ mod tests {
         series.push(0, 1.0);
         series.push(MS, f32::NAN);
         assert!(series.is_unmeasured);
-        assert_eq!((series.last, series.range), (Some((0, 1.0)), Some([1.0, 1.0])));
+        assert_eq!(
+            (series.last, series.range),
+            (Some(Timed { time_ns: 0, value: 1.0 }), Some([1.0, 1.0]))
+        );
         series.push(2 * MS, 2.0);
         assert!(!series.is_unmeasured);
     }

@@ -215,42 +215,45 @@ fn number(value: Option<f32>) -> Value {
     shortest.and_then(|text| text.parse::<f64>().ok()).map_or(Value::Null, |value| json!(value))
 }
 
+impl Reading {
+    fn json(&self, range: Option<[f32; 2]>) -> Value {
+        json!({
+            "value": number(if self.unmeasured { None } else { self.value }),
+            "min": number(range.map(|[least, _]| least)),
+            "max": number(range.map(|[_, most]| most)),
+            "age_s": self.age_s,
+            "stale": self.stale,
+            "missing_frame": self.missing.as_ref().map(|missing| json!({
+                "name": missing.name,
+                "identifier": missing.identifier,
+                "command": missing.command,
+            })),
+        })
+    }
+}
+
+impl LearntLevels {
+    fn json(self) -> Value {
+        json!({
+            "state": self.state,
+            "level_gain": number(self.level),
+            "viscous_gain": number(self.viscous),
+            "follows": self.follows,
+        })
+    }
+}
+
 impl View {
     /// Converts to JSON. `ranges` are the minimum and maximum of every quantity since the previous object.
     pub fn json(&self, bus: &str, ranges: &[Option<[f32; 2]>; Quantity::ALL.len()]) -> Value {
-        let mut quantities = Map::new();
-        for (reading, range) in self.readings.iter().zip(ranges) {
-            let measured = if reading.unmeasured { None } else { reading.value };
-            let quantity = json!({
-                "value": number(measured),
-                "min": number(range.map(|[least, _]| least)),
-                "max": number(range.map(|[_, most]| most)),
-                "age_s": reading.age_s,
-                "stale": reading.stale,
-                "missing_frame": reading.missing.as_ref().map(|missing| json!({
-                    "name": missing.name,
-                    "identifier": missing.identifier,
-                    "command": missing.command,
-                })),
-            });
-            quantities.insert(reading.quantity.key().to_owned(), quantity);
-        }
-        let events: Vec<Value> = self
-            .events
-            .iter()
-            .map(|event| {
-                let time_s = event.time_ns as f64 * 1e-9;
-                json!({"time_s": time_s, "kind": event.kind, "text": event.text})
-            })
+        let quantities = self.readings.iter().zip(ranges);
+        let quantities: Map<String, Value> = quantities
+            .map(|(reading, range)| (reading.quantity.key().to_owned(), reading.json(*range)))
             .collect();
-        let learnt = self.learnt.map(|learnt| {
-            json!({
-                "state": learnt.state,
-                "level_gain": number(learnt.level),
-                "viscous_gain": number(learnt.viscous),
-                "follows": learnt.follows,
-            })
-        });
+        let event = |event: &Event| {
+            let time_s = event.time_ns as f64 * 1e-9;
+            json!({"time_s": time_s, "kind": event.kind, "text": event.text})
+        };
         let mut document = json!({
             "schema": 1,
             "time_s": self.time_ns as f64 * 1e-9,
@@ -292,10 +295,10 @@ impl View {
             "sync_late": self.syncs.late,
             "emergencies": self.emergencies,
             "error_frames": self.error_frames,
-            "events": events,
+            "events": self.events.iter().map(event).collect::<Vec<_>>(),
         });
         document["failed_self_test"] = json!(self.codes.failed_self_test);
-        document["adaptation"] = json!(learnt);
+        document["adaptation"] = json!(self.learnt.map(LearntLevels::json));
         document
     }
 }

@@ -322,13 +322,8 @@ impl<'a, B: Bus> Update<'a, B> {
         Ok(true)
     }
 
-    fn check_failures(
-        &self,
-        failures: u32,
-        received: u32,
-        why: &SdoError,
-    ) -> Result<(), UpdateError> {
-        if failures < MAX_FAILURES {
+    fn check_failures(&self, count: u32, received: u32, why: &SdoError) -> Result<(), UpdateError> {
+        if count < MAX_FAILURES {
             return Ok(());
         }
         let (node, length) = (self.node, self.length());

@@ -8,7 +8,7 @@ use compensator_core::can::{
     AnswerFrame, Frame, FrameError, Message, NodeId, SampleAssembler, StatusFrame, SyncOutcome,
     TraceEntry,
 };
-use joint_trace::{CanFrame, Census, Frames, Line, LineError, TextFormat, TextReader};
+use joint_trace::{CanFrame, Census, Frames, JointOnBus, Line, LineError, TextFormat, TextReader};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -150,8 +150,8 @@ struct Builder {
     node: NodeId,
     reader: TextReader,
     format: TextFormat,
-    /// Interface and node of the followed joint: the first one with inputs.
-    joint: Option<(Vec<u8>, NodeId)>,
+    /// The followed joint: the first one with inputs.
+    joint: Option<JointOnBus>,
     /// Counts the samples as the joint does.
     inbox: SampleAssembler,
     /// True once the log has given a sample number.
@@ -233,21 +233,19 @@ impl Builder {
     }
 
     fn is_of_joint(&self, frame: &Frame, interface: &[u8]) -> bool {
-        let number = (frame.identifier() & 0x7F) as u8;
-        self.joint
-            .as_ref()
-            .is_some_and(|(followed, node)| followed == interface && node.number() == number)
+        let node = NodeId::new((frame.identifier() & 0x7F) as u8);
+        self.joint.as_ref().zip(node).is_some_and(|(joint, node)| joint.is(interface, node))
     }
 
     fn message(&mut self, message: Message, interface: &[u8], time_ns: u64) {
         let is_answer =
             matches!(message, Message::Answer(..) | Message::Status(..) | Message::Telemetry(..));
         let is_followed = match (&self.joint, message.node()) {
-            (Some((followed, _)), None) => followed == interface,
-            (Some((followed, joint)), Some(node)) => followed == interface && *joint == node,
+            (Some(joint), None) => *joint.interface == *interface,
+            (Some(joint), Some(node)) => joint.is(interface, node),
             // The first joint with inputs is followed, from its first frame on.
             (None, Some(node)) if !is_answer => {
-                self.joint = Some((interface.to_vec(), node));
+                self.joint = Some(JointOnBus { interface: interface.into(), node });
                 true
             }
             (None, _) => false,

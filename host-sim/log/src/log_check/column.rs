@@ -1,5 +1,6 @@
 //! A column of a log, run by run, with its name and unit; and the robust statistics the checks share.
 
+use crate::dataset::Place;
 use crate::setting::shell_word;
 use crate::statistics::quantile_range;
 use crate::{Dataset, contract};
@@ -80,13 +81,13 @@ fn unit(name: &str) -> String {
 
 /// Returns `COLUMN=VALUES` for each of two groups of rows, by the first covariate with few values and none in both groups: it
 /// tells the groups apart.
-pub fn telling_column(data: &Dataset, is_second: &[Vec<bool>]) -> Option<[String; 2]> {
+pub fn telling_column(data: &Dataset, is_second: impl Fn(Place) -> bool) -> Option<[String; 2]> {
     const MAX_VALUES: usize = 4;
     (0..data.covariates.len()).find_map(|column| {
         let mut values = [Vec::new(), Vec::new()];
-        for (run, is_second) in data.runs.iter().zip(is_second) {
-            for (value, is_second) in run.extra[column].iter().zip(is_second) {
-                let group = &mut values[usize::from(*is_second)];
+        for (index, run) in data.runs.iter().enumerate() {
+            for (row, value) in run.extra[column].iter().enumerate() {
+                let group = &mut values[usize::from(is_second(Place { run: index, row }))];
                 if !group.contains(value) && group.len() <= MAX_VALUES {
                     group.push(*value);
                 }

@@ -7,12 +7,13 @@
 use super::LogFindingKind;
 use super::column::telling_column;
 use super::finding::LogFinding;
-use super::outlier::{first_place, leave_out};
-use super::torque_fit::{MIN_ROWS, fit, moving_rows};
-use crate::Dataset;
-use crate::motion::quantum::quantum;
+use super::rows::{Rows, first_in_words, leave_out};
+use crate::dataset::Place;
+use crate::motion::quantum;
+use crate::segment::stretches;
+use crate::torque_fit::{MIN_ROWS, fit, moving_rows};
+use crate::{Dataset, Part};
 use compensator_core::quantity::Quantity;
-use std::collections::BTreeSet;
 
 /// Minimum number of consecutive rows with a torque of 0.
 const MIN_CONSECUTIVE_ROWS: usize = 6;
@@ -27,16 +28,9 @@ const MIN_SCATTER_RATIO: f64 = 1.5;
 /// Finds rows in which the drive was off, and leaves them out if `correct` is true.
 pub fn drive_off(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let Some(off) = rows_off(&data) else { return (data, Vec::new()) };
-    let count: usize = off.iter().map(BTreeSet::len).sum();
+    let (count, place) = (off.len(), first_in_words(&off, &data));
     let name = Quantity::Torque.name(data.joint);
-    let place = first_place(&data, &off);
-    let is_off: Vec<Vec<bool>> = data
-        .runs
-        .iter()
-        .zip(&off)
-        .map(|(run, off)| (0..run.len()).map(|row| off.contains(&row)).collect())
-        .collect();
-    let column = match telling_column(&data, &is_off) {
+    let column = match telling_column(&data, |place| off.contains(&place)) {
         Some([on, _]) => format!("; --where {on} reads the others only"),
         None => String::new(),
     };
@@ -52,25 +46,15 @@ pub fn drive_off(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>)
     (data, vec![finding])
 }
 
-/// Returns the rows of each run in which the drive was off.
-fn rows_off(data: &Dataset) -> Option<Vec<BTreeSet<usize>>> {
-    let mut zero: Vec<BTreeSet<usize>> = Vec::new();
-    for run in &data.runs {
-        let (mut rows, mut at) = (BTreeSet::new(), 0);
-        for same in run.torque.chunk_by(|one, next| (*one == 0.0) == (*next == 0.0)) {
-            if same[0] == 0.0 && same.len() >= MIN_CONSECUTIVE_ROWS {
-                rows.extend(at..at + same.len());
-            }
-            at += same.len();
-        }
-        zero.push(rows);
-    }
-    if zero.iter().all(BTreeSet::is_empty) {
+/// Returns the rows in which the drive was off.
+fn rows_off(data: &Dataset) -> Option<Rows> {
+    let mut parts = parts_without_torque(data);
+    if parts.is_empty() {
         return None;
     }
+    let zero = rows_of(&parts);
     let moving = moving_rows(data);
-    let (off, on): (Vec<_>, Vec<_>) =
-        moving.iter().partition(|row| zero[row.run].contains(&row.row));
+    let (off, on): (Vec<_>, Vec<_>) = moving.iter().partition(|row| zero.contains(&row.place));
     if off.len() < MIN_ROWS {
         return None;
     }
@@ -84,16 +68,31 @@ fn rows_off(data: &Dataset) -> Option<Vec<BTreeSet<usize>>> {
         && expected > MIN_EXPECTED_ERRORS * law.scatter
         && expected > MIN_EXPECTED_QUANTA * step;
     // A rest without torque may be one of a drive that is on.
-    let moves: BTreeSet<(usize, usize)> = off.iter().map(|row| (row.run, row.row)).collect();
-    for (index, rows) in zero.iter_mut().enumerate() {
-        let all: Vec<usize> = rows.iter().copied().collect();
-        for stretch in all.chunk_by(|one, next| one + 1 == *next) {
-            if !stretch.iter().any(|row| moves.contains(&(index, *row))) {
-                stretch.iter().for_each(|row| {
-                    rows.remove(row);
-                });
+    let moves: Rows = off.iter().map(|row| row.place).collect();
+    parts.retain(|part| {
+        let rows = place(part, part.rows.start)..place(part, part.rows.end);
+        moves.range(rows).next().is_some()
+    });
+    is_off.then(|| rows_of(&parts))
+}
+
+/// Returns the parts of the runs whose torque is exactly 0 for several rows.
+fn parts_without_torque(data: &Dataset) -> Vec<Part> {
+    let mut parts = Vec::new();
+    for (index, run) in data.runs.iter().enumerate() {
+        for rows in stretches(&run.torque, |one, next| (*one == 0.0) == (*next == 0.0)) {
+            if run.torque[rows.start] == 0.0 && rows.len() >= MIN_CONSECUTIVE_ROWS {
+                parts.push(Part { run: index, rows });
             }
         }
     }
-    is_off.then_some(zero)
+    parts
+}
+
+fn rows_of(parts: &[Part]) -> Rows {
+    parts.iter().flat_map(|part| part.rows.clone().map(|row| place(part, row))).collect()
+}
+
+fn place(part: &Part, row: usize) -> Place {
+    Place { run: part.run, row }
 }

@@ -2,16 +2,22 @@
 //!
 //! Static friction holds a joint at rest up to the torque at which it breaks away, so the torque of a rest that exceeds all
 //! torques of the motion of the same run is held by something else. The stop's torque is no friction. Such rows are left out.
+//!
+//! Without a position, the integral of the velocity shows the ends of the travel, in each part of a run without gaps.
 
 use super::LogFindingKind;
 use super::finding::LogFinding;
-use super::outlier::{first_place, leave_out};
-use super::torque_fit::least_moving_speed;
+use super::position_jump::mean_travel;
+use super::rows::{Rows, first_in_words, leave_out};
+use crate::dataset::Place;
 use crate::number::figure;
+use crate::segment::stretches;
 use crate::statistics::{extent, quantile};
-use crate::{Dataset, Run};
+use crate::torque_fit::least_moving_speed;
+use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
-use std::collections::BTreeSet;
+use std::borrow::Cow;
+use std::ops::Range;
 
 /// Minimum number of consecutive rows at a stop.
 const MIN_CONSECUTIVE_ROWS: usize = 5;
@@ -30,9 +36,13 @@ const MIN_MOVING_SHARE: f64 = 0.2;
 
 /// Finds rows at an end stop, and leaves them out if `correct` is true.
 pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
-    let Some((rows, torque)) = rows_at_stop(&data) else { return (data, Vec::new()) };
-    let count: usize = rows.iter().map(BTreeSet::len).sum();
-    let place = first_place(&data, &rows);
+    let rows = rows_at_stop(&data);
+    if rows.is_empty() || rows.len() as f64 > MAX_SHARE * data.rows as f64 {
+        return (data, Vec::new());
+    }
+    let torque = |place: &Place| data.runs[place.run].torque[place.row].abs();
+    let torque = rows.iter().map(torque).fold(0.0, f64::max);
+    let (count, place) = (rows.len(), first_in_words(&rows, &data));
     let (name, unit) = (Quantity::Torque.name(data.joint), data.joint.torque_unit());
     let done = if correct { "They are left out" } else { "They are left in, as asked" };
     let words = format!(
@@ -40,60 +50,93 @@ pub fn end_stop(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) 
              took: it is pushed against an end stop. {done}.",
         figure(torque)
     );
-    let finding = LogFindingKind::EndStop
-        .finding(&[Quantity::Position.name(data.joint), name], torque, unit, words)
-        .corrected(correct);
+    let position = data.columns_of(Quantity::Position).map(|_| Quantity::Position);
+    let motion = position.unwrap_or(Quantity::Velocity).name(data.joint);
+    let finding =
+        LogFindingKind::EndStop.finding(&[motion, name], torque, unit, words).corrected(correct);
     if correct {
         leave_out(&mut data, &rows);
     }
     (data, vec![finding])
 }
 
-/// Returns the rows of each run at a stop, and the largest torque there.
-fn rows_at_stop(data: &Dataset) -> Option<(Vec<BTreeSet<usize>>, f64)> {
-    let positions = data.columns_of(Quantity::Position)?;
-    let [least, most] = extent(positions.iter().flat_map(|run| run.iter().copied()));
-    let reach = MAX_DISTANCE_SHARE * (most - least);
-    let slow = least_moving_speed(data);
-    let side = |run: &Run, position: f64, row: usize| {
-        let rests = run.velocity[row].abs() <= slow;
-        let is_end = |end: f64| rests && (position - end).abs() <= reach;
+/// Rows of a run with a known travel.
+struct Course<'a> {
+    run: usize,
+    rows: Range<usize>,
+    /// Position of each of the rows, rad or m.
+    position: Cow<'a, [f64]>,
+    /// The ends of the travel.
+    ends: [f64; 2],
+}
+
+impl Course<'_> {
+    /// Returns the end of the travel against which a row pushes, if it rests there.
+    fn end(&self, run: &Run, at: usize, slow: f64) -> Option<f64> {
+        let row = self.rows.start + at;
         // The torque pushes outwards, at either end.
-        match (is_end(least), is_end(most), run.torque[row] > 0.0) {
-            (true, _, false) => -1,
-            (_, true, true) => 1,
-            _ => 0,
+        let end = self.ends[usize::from(run.torque[row] > 0.0)];
+        (run.velocity[row].abs() <= slow && self.is_near(at, end)).then_some(end)
+    }
+
+    fn is_near(&self, at: usize, end: f64) -> bool {
+        let reach = MAX_DISTANCE_SHARE * (self.ends[1] - self.ends[0]);
+        (self.position[at] - end).abs() <= reach
+    }
+}
+
+/// Returns the courses of all rows, by the position or else by the integral of the velocity.
+fn courses(data: &Dataset) -> Vec<Course<'_>> {
+    let mut courses = Vec::new();
+    if let Some(positions) = data.columns_of(Quantity::Position) {
+        let ends = extent(positions.iter().flat_map(|position| position.iter().copied()));
+        for (run, position) in positions.into_iter().enumerate() {
+            let (rows, position) = (0..position.len(), position.into());
+            courses.push(Course { run, rows, position, ends });
         }
-    };
-    let (mut found, mut largest) = (Vec::new(), 0.0f64);
-    for (run, position) in data.runs.iter().zip(&positions) {
-        let Some(usual) = usual_torque(run, slow) else {
-            found.push(BTreeSet::new());
-            continue;
-        };
-        let sides: Vec<i32> = (0..run.len()).map(|row| side(run, position[row], row)).collect();
-        let (mut rows, mut at) = (BTreeSet::new(), 0);
-        for same in sides.chunk_by(|one, next| one == next) {
-            let stretch = at..at + same.len();
-            at = stretch.end;
-            let push =
-                run.torque[stretch.clone()].iter().fold(0.0, |most: f64, t| most.max(t.abs()));
-            let is_push = same[0] != 0 && same.len() >= MIN_CONSECUTIVE_ROWS;
-            if is_push && push > MIN_TORQUE_RATIO * usual {
-                largest = largest.max(push);
+        return courses;
+    }
+    for (run, of) in data.runs.iter().enumerate() {
+        for rows in segments(of) {
+            let mut travel = 0.0;
+            let travels = (rows.start + 1..rows.end).map(|row| {
+                travel += mean_travel(of, row);
+                travel
+            });
+            let position: Vec<f64> = std::iter::once(0.0).chain(travels).collect();
+            let ends = extent(position.iter().copied());
+            courses.push(Course { run, rows, position: position.into(), ends });
+        }
+    }
+    courses
+}
+
+/// Returns the rows at a stop.
+fn rows_at_stop(data: &Dataset) -> Rows {
+    let slow = least_moving_speed(data);
+    let usual: Vec<Option<f64>> = data.runs.iter().map(|run| usual_torque(run, slow)).collect();
+    let mut found = Rows::new();
+    for course in courses(data) {
+        let (run, Some(usual)) = (&data.runs[course.run], usual[course.run]) else { continue };
+        let count = course.rows.len();
+        let ends: Vec<Option<f64>> = (0..count).map(|at| course.end(run, at, slow)).collect();
+        for stretch in stretches(&ends, |one, next| one == next) {
+            let length = stretch.len();
+            let end = ends[stretch.start].filter(|_| length >= MIN_CONSECUTIVE_ROWS);
+            let Some(end) = end else { continue };
+            let torques = &run.torque[course.rows.clone()][stretch.clone()];
+            let push = torques.iter().fold(0.0, |most: f64, torque| most.max(torque.abs()));
+            if push > MIN_TORQUE_RATIO * usual {
                 // The stop yields while the joint arrives and leaves.
-                let end = if same[0] < 0 { least } else { most };
-                let is_near = |row: &usize| (position[*row] - end).abs() <= reach;
-                let most_beside = stretch.len();
-                rows.extend((0..stretch.start).rev().take(most_beside).take_while(is_near));
-                rows.extend((stretch.end..run.len()).take(most_beside).take_while(is_near));
-                rows.extend(stretch);
+                let is_near = |at: &usize| course.is_near(*at, end);
+                let (before, after) = ((0..stretch.start).rev(), stretch.end..count);
+                let beside = before.take(length).take_while(is_near);
+                let rows = beside.chain(after.take(length).take_while(is_near)).chain(stretch);
+                found.extend(rows.map(|at| Place { run: course.run, row: course.rows.start + at }));
             }
         }
-        found.push(rows);
     }
-    let count: usize = found.iter().map(BTreeSet::len).sum();
-    (count > 0 && count as f64 <= MAX_SHARE * data.rows as f64).then_some((found, largest))
+    found
 }
 
 /// Returns the largest torque of a run's motion; `None` for a run that hardly moves, whose friction may differ from that of others.

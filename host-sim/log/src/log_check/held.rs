@@ -16,7 +16,8 @@ use super::column::Column;
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::wrap::is_velocity_derived;
-use crate::motion::quantum::quantum;
+use crate::dataset::Place;
+use crate::motion::quantum;
 use crate::number::figure;
 use crate::statistics::{median, quantile};
 use crate::{Dataset, Run};
@@ -37,8 +38,8 @@ const MIN_FOLLOWING_SHARE: f64 = 0.7;
 struct Held {
     column: usize,
     rows: f64,
-    /// The changes, as (run, row).
-    changes: Vec<(usize, usize)>,
+    /// The rows in which it changes, in order.
+    changes: Vec<Place>,
 }
 
 /// The rows of each run in which the held torque or motion is read anew.
@@ -159,7 +160,7 @@ fn repeated(log: &Log) -> Option<Repeated> {
             travelling += 1;
             let step = (values[row] - values[row - 1]).abs();
             if step == 0.0 {
-                repeats.push((index, row));
+                repeats.push(Place { run: index, row });
                 length += 1.0;
                 continue;
             }
@@ -176,8 +177,8 @@ fn repeated(log: &Log) -> Option<Repeated> {
         return None;
     }
     let repeats_too = |column: Option<&Column>| {
-        let again = |(index, row): &&(usize, usize)| {
-            column.is_some_and(|column| column.runs[*index][*row] == column.runs[*index][row - 1])
+        let again = |Place { run, row }: &&Place| {
+            column.is_some_and(|column| column.runs[*run][*row] == column.runs[*run][row - 1])
         };
         repeats.iter().filter(again).count() as f64 > MIN_FOLLOWING_SHARE * repeats.len() as f64
     };
@@ -270,7 +271,7 @@ fn held_column(log: &Log, index: usize) -> Option<Held> {
     }
     let still = 0.02 * log.sensors.speed;
     let (mut lengths, mut changes, mut jumps) = (Vec::new(), Vec::new(), Vec::new());
-    for (place, (run, values)) in log.data.runs.iter().zip(&column.runs).enumerate() {
+    for (index, (run, values)) in log.data.runs.iter().zip(&column.runs).enumerate() {
         let mut last = 0;
         for row in 1..values.len() {
             if values[row] == values[row - 1] {
@@ -280,7 +281,7 @@ fn held_column(log: &Log, index: usize) -> Option<Held> {
                 && run.velocity[last..row].iter().any(|velocity| velocity.abs() < still);
             if last > 0 && !rested {
                 lengths.push((row - last) as f64);
-                changes.push((place, row));
+                changes.push(Place { run: index, row });
                 jumps.push((values[row] - values[row - 1]).abs());
             }
             last = row;
@@ -310,11 +311,11 @@ fn after(held: &Held, other: &Held) -> Option<usize> {
         return None;
     }
     let mut counts = vec![0usize; held.rows.ceil() as usize + 1];
-    for (run, row) in &held.changes {
-        let before = other.changes.partition_point(|place| *place <= (*run, *row));
-        if let Some((_, start)) =
-            before.checked_sub(1).map(|at| other.changes[at]).filter(|p| p.0 == *run)
-            && let Some(count) = counts.get_mut(row - start)
+    for change in &held.changes {
+        let before = other.changes.partition_point(|place| place <= change);
+        let start = before.checked_sub(1).map(|at| other.changes[at]);
+        if let Some(start) = start.filter(|start| start.run == change.run)
+            && let Some(count) = counts.get_mut(change.row - start.row)
         {
             *count += 1;
         }

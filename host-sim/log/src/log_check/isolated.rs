@@ -7,15 +7,15 @@
 //! both its neighbours are half as far off the lines through them, to the other side.
 
 use super::finding::{LogFinding, LogFindingKind};
-use super::outlier::{leave_out, place};
+use super::rows::{Rows, leave_out};
 use super::spike;
 use super::wrap::is_velocity_derived;
-use crate::motion::quantum::quantum;
+use crate::dataset::Place;
+use crate::motion::quantum;
 use crate::number::figure;
 use crate::statistics::{quantile, quantile_range};
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
-use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Minimum distance from the line between the neighbours, in large steps of the column from row to row.
@@ -47,8 +47,7 @@ const MAX_CONSECUTIVE_ROWS: usize = 3;
 const MAX_SHARE: f64 = 0.02;
 
 /// Finds single rows far off their neighbours, and leaves them out if `correct` is true.
-pub fn isolated(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
-    let mut data = data;
+pub fn isolated(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let mut findings = Vec::new();
     for quantity in [Quantity::Position, Quantity::Velocity, Quantity::Torque] {
         let Some(found) = Isolated::find(&data, quantity) else { continue };
@@ -60,13 +59,18 @@ pub fn isolated(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     (data, findings)
 }
 
+/// A row with its distance from the course of its neighbours, in the unit of the column.
+struct OffRow {
+    row: usize,
+    distance: f64,
+}
+
 /// The rows of a column that are far off their neighbours.
 struct Isolated {
-    /// The rows of each run.
-    runs: Vec<BTreeSet<usize>>,
-    count: usize,
-    /// The row with the largest distance, as (run, row), and the distance.
-    farthest: ((usize, usize), f64),
+    rows: Rows,
+    /// The row with the largest distance.
+    farthest: Place,
+    distance: f64,
 }
 
 impl Isolated {
@@ -77,40 +81,37 @@ impl Isolated {
         let mut speeds: Vec<f64> =
             columns.iter().flat_map(|run| run.iter().map(|v| v.abs())).collect();
         let slow = MAX_REST_SHARE * quantile(&mut speeds, 0.95).unwrap_or_default();
-        let mut found = Self { runs: Vec::new(), count: 0, farthest: ((0, 0), 0.0) };
+        let mut found = Self { rows: Rows::new(), farthest: Place::default(), distance: 0.0 };
         for (index, (run, values)) in data.runs.iter().zip(&columns).enumerate() {
-            let mut rows = BTreeSet::new();
             for segment in segments(run) {
                 let mut found_here = isolated_rows(&run.time_s, values, segment.clone(), least);
                 if quantity == Quantity::Position && is_alone {
                     found_here.extend(bent_rows(&run.time_s, values, segment, bend));
                 }
-                for (row, distance) in found_here {
+                for OffRow { row, distance } in found_here {
                     if quantity == Quantity::Velocity && may_be_slip(run, row, slow) {
                         continue;
                     }
-                    rows.insert(row);
-                    if distance > found.farthest.1 {
-                        found.farthest = ((index, row), distance);
+                    let place = Place { run: index, row };
+                    found.rows.insert(place);
+                    if distance > found.distance {
+                        (found.farthest, found.distance) = (place, distance);
                     }
                 }
             }
-            found.count += rows.len();
-            found.runs.push(rows);
         }
         // Many spikes of the torque keep their motion (`spike`).
         let most = if quantity == Quantity::Torque { spike::MIN_SHARE } else { MAX_SHARE };
-        let share = found.count as f64 / data.rows.max(1) as f64;
-        (found.count > 0 && share < most).then_some(found)
+        let share = found.rows.len() as f64 / data.rows.max(1) as f64;
+        (!found.rows.is_empty() && share < most).then_some(found)
     }
 
     fn finding(&self, data: &Dataset, quantity: Quantity, correct: bool) -> LogFinding {
         let name = quantity.name(data.joint);
-        let ((index, row), distance) = self.farthest;
-        let run = &data.runs[index];
-        let value = run.get(quantity).map_or(f64::NAN, |values| values[row]);
+        let Place { run, row } = self.farthest;
+        let value = data.runs[run].get(quantity).map_or(f64::NAN, |values| values[row]);
         let unit = quantity.unit(data.joint);
-        let (rows, done) = match (self.count, correct) {
+        let (rows, done) = match (self.rows.len(), correct) {
             (1, true) => ("1 row".to_owned(), "it is left out"),
             (count, true) => (format!("{count} rows"), "they are left out"),
             (1, false) => ("1 row".to_owned(), "left in, as asked"),
@@ -119,8 +120,8 @@ impl Isolated {
         let words = format!(
             "{rows} of {name} cannot be: each leaves the course of its neighbours and returns at once (the farthest is \
                  {} {unit} off, in {}): {done}.",
-            figure(distance),
-            place(run, row)
+            figure(self.distance),
+            self.farthest.in_words(data)
         );
         LogFindingKind::Outlier.finding(&[name], value, unit, words).corrected(correct)
     }
@@ -128,7 +129,7 @@ impl Isolated {
     /// Leaves the rows out. A velocity that was derived from the position is derived again.
     fn leave_out(&self, data: &mut Dataset, quantity: Quantity) {
         let is_derived = quantity == Quantity::Position && is_velocity_derived(data);
-        leave_out(data, &self.runs);
+        leave_out(data, &self.rows);
         if is_derived {
             data.runs.iter_mut().for_each(Run::derive_velocity);
         }
@@ -168,12 +169,7 @@ fn least_distance(data: &Dataset, columns: &[&[f64]], quantity: Quantity) -> Opt
 }
 
 /// Returns the rows of a segment that leave the line between their neighbours by `least` and return, with their distances.
-fn isolated_rows(
-    time: &[f64],
-    values: &[f64],
-    segment: Range<usize>,
-    least: f64,
-) -> Vec<(usize, f64)> {
+fn isolated_rows(time: &[f64], values: &[f64], segment: Range<usize>, least: f64) -> Vec<OffRow> {
     let mut found = Vec::new();
     let mut row = segment.start + 1;
     while row < segment.end {
@@ -182,15 +178,15 @@ fn isolated_rows(
             if after >= segment.end {
                 return None;
             }
-            let (step, rise) = (time[after] - time[before], values[after] - values[before]);
-            let distance = |at: usize| {
-                let share = if step > 0.0 { (time[at] - time[before]) / step } else { 0.5 };
-                (values[at] - values[before] - share * rise).abs()
+            let off = |row: usize| {
+                let distance = off_line(time, values, [before, row, after]).abs();
+                OffRow { row, distance }
             };
-            let distances: Vec<(usize, f64)> = (row..after).map(|at| (at, distance(at))).collect();
-            let nearest = distances.iter().map(|(_, off)| *off).fold(f64::INFINITY, f64::min);
+            let off: Vec<OffRow> = (row..after).map(off).collect();
+            let nearest = off.iter().map(|of| of.distance).fold(f64::INFINITY, f64::min);
+            let rise = values[after] - values[before];
             let returns = rise.abs() < MAX_NEIGHBOUR_SHARE * nearest;
-            (nearest > least && returns).then_some(distances)
+            (nearest > least && returns).then_some(off)
         });
         match group {
             Some(rows) => {
@@ -203,11 +199,15 @@ fn isolated_rows(
     found
 }
 
-/// Returns the distance of a row from the line through its neighbours.
+/// Returns the distance of the middle of three rows from the line through the outer ones.
+fn off_line(time: &[f64], values: &[f64], [before, row, after]: [usize; 3]) -> f64 {
+    let step = time[after] - time[before];
+    let share = if step > 0.0 { (time[row] - time[before]) / step } else { 0.5 };
+    values[row] - values[before] - share * (values[after] - values[before])
+}
+
 fn bend(time: &[f64], values: &[f64], row: usize) -> f64 {
-    let step = time[row + 1] - time[row - 1];
-    let share = if step > 0.0 { (time[row] - time[row - 1]) / step } else { 0.5 };
-    values[row] - values[row - 1] - share * (values[row + 1] - values[row - 1])
+    off_line(time, values, [row - 1, row, row + 1])
 }
 
 /// Returns the minimum distance of a single position from the line through its neighbours.
@@ -222,13 +222,13 @@ fn least_bend(data: &Dataset, columns: &[&[f64]]) -> f64 {
 }
 
 /// Returns the single rows of a segment by which both neighbours are off their lines by half as much, with their distances.
-fn bent_rows(time: &[f64], values: &[f64], segment: Range<usize>, least: f64) -> Vec<(usize, f64)> {
+fn bent_rows(time: &[f64], values: &[f64], segment: Range<usize>, least: f64) -> Vec<OffRow> {
     let inner = segment.start + 2..segment.end.saturating_sub(2);
     let bent = |row: usize| {
         let bend_here = bend(time, values, row);
         let is_half = |near: usize| (0.3..0.7).contains(&(-bend(time, values, near) / bend_here));
         (bend_here.abs() > least && is_half(row - 1) && is_half(row + 1))
-            .then_some((row, bend_here.abs()))
+            .then_some(OffRow { row, distance: bend_here.abs() })
     };
     inner.filter_map(bent).collect()
 }

@@ -8,7 +8,7 @@ use super::LogFindingKind;
 use super::finding::LogFinding;
 use super::position_jump::{speed_beside, steps};
 use super::wrap::is_velocity_derived;
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::statistics::median_step;
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;

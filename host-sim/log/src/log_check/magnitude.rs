@@ -7,8 +7,8 @@
 use super::log::Log;
 use super::register;
 use super::suspicion::Suspicion;
-use super::torque_fit::{MovingRow, fit, moves_both_ways, moving_rows};
 use super::{LogFindingKind, header};
+use crate::torque_fit::{MovingRow, fit, moves_both_ways, moving_rows};
 
 /// Maximum error of the law with the sign, relative to that without.
 const MAX_SCATTER_RATIO: f64 = 0.7;
@@ -33,7 +33,7 @@ pub fn suspicion(log: &Log) -> Option<Suspicion> {
     let name = log.torque();
     let as_logged = fit(rows.iter().map(|row| (row.regressors, row.torque)))?.scatter;
     if let Some(bit) = log.column(name).and_then(|column| register::sign_bit(log, column)) {
-        let signed = |row: &MovingRow| bit.values[row.run][row.row];
+        let signed = |row: &MovingRow| bit.values[row.place.run][row.place.row];
         let scatter = fit(rows.iter().map(|row| (row.regressors, signed(row))))?.scatter;
         let follows = scatter * bit.size < MAX_SCATTER_RATIO * as_logged;
         if follows || bit.begins_anew() && tells_direction(&rows, &signed) {

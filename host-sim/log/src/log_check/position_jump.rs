@@ -6,9 +6,9 @@
 
 use super::LogFindingKind;
 use super::finding::LogFinding;
-use super::outlier::place;
 use super::wrap::is_velocity_derived;
-use crate::motion::quantum::quantum;
+use crate::dataset::Place;
+use crate::motion::quantum;
 use crate::number::figure;
 use crate::statistics::{median, quantile, quantile_range};
 use crate::{Dataset, Run, segments};
@@ -40,8 +40,7 @@ const LISTED: usize = 5;
 
 /// A row before which the position jumps.
 struct Jump {
-    run: usize,
-    row: usize,
+    place: Place,
     size: f64,
     /// The speed beside it.
     speed: f64,
@@ -52,8 +51,7 @@ pub fn position_jumps(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFind
     let Some(jumps) = jumps(&data) else { return (data, Vec::new()) };
     let largest = jumps.iter().map(|jump| jump.size).fold(0.0, f64::max);
     let listed = jumps.iter().take(LISTED);
-    let mut places: Vec<String> =
-        listed.map(|jump| place(&data.runs[jump.run], jump.row)).collect();
+    let mut places: Vec<String> = listed.map(|jump| jump.place.in_words(&data)).collect();
     if jumps.len() > LISTED {
         places.push("..".into());
     }
@@ -79,8 +77,8 @@ pub fn position_jumps(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFind
 fn cut(data: &mut Dataset, jumps: &[Jump]) {
     let is_derived = is_velocity_derived(data);
     for (index, run) in data.runs.iter_mut().enumerate() {
-        let rows: Vec<usize> =
-            jumps.iter().filter(|jump| jump.run == index).map(|jump| jump.row).collect();
+        let of_run = jumps.iter().map(|jump| jump.place).filter(|place| place.run == index);
+        let rows: Vec<usize> = of_run.map(|place| place.row).collect();
         if rows.is_empty() {
             continue;
         }
@@ -107,12 +105,8 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
                     None => speed_beside(&steps, at) * step.time_s,
                 };
                 explained.push(expected.abs() / step.count() as f64);
-                all.push(Jump {
-                    run: index,
-                    row: step.row,
-                    size: step.beyond(expected),
-                    speed: 0.0,
-                });
+                let place = Place { run: index, row: step.row };
+                all.push(Jump { place, size: step.beyond(expected), speed: 0.0 });
             }
             changes.push(steps);
         }
@@ -133,8 +127,8 @@ fn jumps(data: &Dataset) -> Option<Vec<Jump>> {
         }
     }
     all.retain(|jump| {
-        let run = &data.runs[jump.run];
-        jump.size > least && stays(run, positions[jump.run], jump, gain)
+        let index = jump.place.run;
+        jump.size > least && stays(&data.runs[index], positions[index], jump, gain)
     });
     (!all.is_empty() && all.len() as f64 <= MAX_SHARE * rows as f64).then_some(all)
 }
@@ -146,15 +140,15 @@ fn stays(run: &Run, position: &[f64], jump: &Jump, gain: Option<f64>) -> bool {
         Some(gain) => gain * (from + 1..=to).map(|row| mean_travel(run, row)).sum::<f64>(),
         None => jump.speed * (run.time_s[to] - run.time_s[from]),
     };
-    let at = |row: usize| match row < jump.row {
-        true => position[row] + travel(row, jump.row),
-        false => position[row] - travel(jump.row, row),
+    let start = jump.place.row;
+    let at = |row: usize| match row < start {
+        true => position[row] + travel(row, start),
+        false => position[row] - travel(start, row),
     };
-    let (first, last) =
-        (jump.row.saturating_sub(MEDIAN_ROWS), (jump.row + MEDIAN_ROWS).min(run.len()));
+    let (first, last) = (start.saturating_sub(MEDIAN_ROWS), (start + MEDIAN_ROWS).min(run.len()));
     let median =
         |rows: Range<usize>| median(&mut rows.map(at).collect::<Vec<_>>()).unwrap_or_default();
-    (median(jump.row..last) - median(first..jump.row)).abs() > MIN_STAYING_SHARE * jump.size
+    (median(start..last) - median(first..start)).abs() > MIN_STAYING_SHARE * jump.size
 }
 
 /// A change of the position, from the last row before which it changed too.
@@ -210,7 +204,7 @@ fn travel_of_velocity(run: &Run, step: &Step) -> f64 {
 }
 
 /// Returns the travel of a row by its velocity.
-fn mean_travel(run: &Run, row: usize) -> f64 {
+pub fn mean_travel(run: &Run, row: usize) -> f64 {
     0.5 * (run.velocity[row] + run.velocity[row - 1]) * (run.time_s[row] - run.time_s[row - 1])
 }
 

@@ -6,7 +6,7 @@
 
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::number::figure;
 use compensator_core::quantity::Quantity;
 

@@ -5,33 +5,38 @@ use super::log::Log;
 use super::{header, typed};
 use crate::number::figure;
 use crate::setting::Setting;
+use crate::size::PROBABLE_RATES_HZ;
 use crate::statistics::median;
 use crate::unit::conversion;
 use crate::{DataError, Dataset};
+use std::ops::Range;
 
 /// Plausible rates of a log of friction, Hz. Slow logs of steady speeds have about 4 Hz.
-const PLAUSIBLE_RATES_HZ: (f64, f64) = (2.5, 2e5);
+const PLAUSIBLE_RATES_HZ: Range<f64> = 2.5..2e5;
 
 /// Maximum possible rate, Hz. Current loops run at 100 kHz at most, and torque sensors are slower.
 const MAX_RATE_HZ: f64 = 1e6;
 
-/// Probable true rates of a log whose clock has another unit, Hz.
-const PROBABLE_RATES_HZ: (f64, f64) = (10.0, 1e5);
-
 /// Units of time.
 const TIME_UNITS: [&str; 7] = ["s", "ms", "us", "ns", "min", "h", "days"];
 
-/// Returns the units of time that make a rate probable, with the rate in each.
-fn probable_units(data: &Dataset, rate_hz: f64) -> Vec<(&'static str, f64)> {
+/// A unit of time, with the rate of the log in it.
+struct RatedUnit {
+    unit: &'static str,
+    rate_hz: f64,
+}
+
+/// Returns the units of time that make a rate probable.
+fn probable_units(data: &Dataset, rate_hz: f64) -> Vec<RatedUnit> {
     let given = data.given_unit("time_s").unwrap_or("s");
     let length = |unit: &str| Some(conversion("time_s", unit).ok()?.apply(1.0));
     // A unit in another notation, such as `msec`, leaves the lengths unknown.
     let given_s = TIME_UNITS.contains(&given).then(|| length(given)).flatten();
     let Some(given_s) = given_s else { return Vec::new() };
-    let rated =
-        TIME_UNITS.iter().filter_map(|unit| Some((*unit, rate_hz * given_s / length(unit)?)));
-    let is_probable = |rate: f64| (PROBABLE_RATES_HZ.0..PROBABLE_RATES_HZ.1).contains(&rate);
-    rated.filter(|(_, rate)| is_probable(*rate)).collect()
+    let rated = TIME_UNITS
+        .iter()
+        .filter_map(|unit| Some(RatedUnit { unit, rate_hz: rate_hz * given_s / length(unit)? }));
+    rated.filter(|of| PROBABLE_RATES_HZ.contains(&of.rate_hz)).collect()
 }
 
 /// Refuses a log that is faster than any logger.
@@ -40,52 +45,45 @@ pub fn impossible(data: &Dataset) -> Option<DataError> {
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
     let median_s = median(&mut steps)?;
     // Rows that arrive in bursts have short steps, but not on average.
-    let mean_s = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
-    if steps.is_empty() || median_s.max(mean_s) * MAX_RATE_HZ >= 1.0 {
+    let mean_s = steps.iter().sum::<f64>() / steps.len() as f64;
+    if median_s.max(mean_s) * MAX_RATE_HZ >= 1.0 {
         return None;
     }
-    let rate = 1.0 / median_s;
+    let (rate, column) = (1.0 / median_s, header(data, "time_s"));
     let units = probable_units(data, rate);
-    let each: Vec<String> = units
-        .iter()
-        .map(|(unit, rate)| {
-            let pair = format!("time_s={}:{unit}", header(data, "time_s"));
-            format!("{} ({} rows a second)", Setting::Columns.suggested(pair), figure(*rate))
-        })
-        .collect();
-    let what_to_type = match each.is_empty() {
-        true => {
-            let example = Setting::Columns.suggested("time_s=NAME:days");
-            format!("another unit of the time, as {example}")
-        }
-        false => each.join(" or "),
+    let typed = |RatedUnit { unit, rate_hz }: &RatedUnit| {
+        let typed = Setting::Columns.suggested(format!("time_s={column}:{unit}"));
+        format!("{typed} ({} rows a second)", figure(*rate_hz))
     };
-    let column = header(data, "time_s");
+    let mut typed: Vec<String> = units.iter().map(typed).collect();
+    if typed.is_empty() {
+        let example = Setting::Columns.suggested("time_s=NAME:days");
+        typed.push(format!("another unit of the time, as {example}"));
+    }
+    let typed = typed.join(" or ");
     Some(DataError::file(
         data.first_file(),
         format!("{} rows a second by the column {column}", figure(rate)),
-        format!("at most 1e6; by its rate the time may have another unit: {what_to_type}"),
+        format!("at most 1e6; by its rate the time may have another unit: {typed}"),
     ))
 }
 
 /// Returns the rate of a log, Hz, if it is not plausible.
-fn implausible_rate(log: &Log) -> Option<f64> {
-    let rate = 1.0 / log.sensors.step_s;
-    let is_plausible = (PLAUSIBLE_RATES_HZ.0..PLAUSIBLE_RATES_HZ.1).contains(&rate);
-    (log.sensors.step_s > 0.0 && !is_plausible).then_some(rate)
+pub fn implausible_rate(log: &Log) -> Option<f64> {
+    let rate_hz = 1.0 / log.sensors.step_s;
+    (log.sensors.step_s > 0.0 && !PLAUSIBLE_RATES_HZ.contains(&rate_hz)).then_some(rate_hz)
 }
 
-/// Returns a rate that is not plausible, Hz, with the unit of the time that explains it.
-pub fn probable_unit(log: &Log) -> Option<(f64, &'static str)> {
-    let rate = implausible_rate(log)?;
-    probable_units(log.data, rate).first().map(|(unit, _)| (rate, *unit))
+/// Returns the unit of the time that explains a rate, Hz.
+pub fn probable_unit(log: &Log, rate_hz: f64) -> Option<&'static str> {
+    probable_units(log.data, rate_hz).first().map(|of| of.unit)
 }
 
 /// Reports a rate that is not plausible.
 pub fn implausible(log: &Log) -> Vec<LogFinding> {
     let Some(rate) = implausible_rate(log) else { return Vec::new() };
-    let hint = match probable_unit(log) {
-        Some((_, unit)) => {
+    let hint = match probable_unit(log, rate) {
+        Some(unit) => {
             format!("may be in {unit} (--columns {})", typed(log.data, "time_s", unit))
         }
         None => "may not be in seconds".into(),

@@ -8,11 +8,11 @@ use super::column::Column;
 use super::log::Log;
 use super::suspicion::Suspicion;
 use super::{LogFindingKind, header};
-use crate::Quantity;
-use crate::motion::quantum::quantum;
+use crate::motion::quantum;
 use crate::statistics::correlation;
 use crate::torque_scale::amperes;
 use crate::unit::conversion;
+use crate::{Quantity, differences};
 
 /// Bits that hold a sign in known registers, and those between.
 const SIGN_BITS: std::ops::RangeInclusive<u32> = 7..=15;
@@ -68,8 +68,10 @@ impl SignBit {
 /// Returns the reason to refuse a velocity with a sign bit, and the torque if it has one too.
 pub fn suspicion(log: &Log) -> Option<Suspicion> {
     let velocity = log.column(log.velocity()).and_then(|column| sign_bit(log, column))?;
-    let derivative = derivative(log)?;
-    let derivatives = derivative.iter().flatten().copied();
+    let runs = log.data.runs.iter().zip(log.data.columns_of(Quantity::Position)?);
+    let derivatives: Vec<f64> =
+        runs.flat_map(|(run, position)| differences(&run.time_s, position)).collect();
+    let derivatives = derivatives.iter().copied();
     let signed = velocity.values.iter().flatten().copied();
     let logged = log.data.runs.iter().flat_map(|run| run.velocity.iter().copied());
     if correlation(signed.zip(derivatives.clone())) < MIN_CORRELATION
@@ -128,13 +130,4 @@ pub fn sign_bit(log: &Log, column: &Column) -> Option<SignBit> {
     let values = column.runs.iter().map(|run| run.iter().map(signed).collect()).collect();
     let unit = format!("sign{bit} {}", unit.unwrap_or(&column.unit));
     Some(SignBit { name: column.name.clone(), unit, bit, values, size })
-}
-
-/// Returns the differences of the position from row to row, with 0 at the start of each segment.
-fn derivative(log: &Log) -> Option<Vec<Vec<f64>>> {
-    let each = log.data.runs.iter().map(|run| {
-        let position = run.get(Quantity::Position)?;
-        Some(crate::differences(&run.time_s, position))
-    });
-    each.collect()
 }

@@ -7,10 +7,10 @@
 use super::LogFindingKind;
 use super::column::{Column, all};
 use super::finding::LogFinding;
-use super::torque_fit::{MIN_ROWS, MovingRow, Regressors, fit, moves_both_ways, moving_rows};
 use crate::Dataset;
 use crate::number::figure;
 use crate::statistics::{extent, quantile};
+use crate::torque_fit::{MIN_ROWS, MovingRow, Regressors, fit, moves_both_ways, moving_rows};
 use compensator_core::quantity::Quantity;
 
 /// Maximum error of the law with an offset for each run, relative to that with one.
@@ -50,7 +50,8 @@ fn offsets(data: &Dataset) -> Option<Vec<f64>> {
         return None;
     }
     let rows = moving_rows(data);
-    let runs: Vec<&[MovingRow]> = rows.chunk_by(|one, next| one.run == next.run).collect();
+    let runs: Vec<&[MovingRow]> =
+        rows.chunk_by(|one, next| one.place.run == next.place.run).collect();
     let is_long = |run: &&[MovingRow]| run.len() >= MIN_ROWS && moves_both_ways(run.iter());
     if runs.len() < data.runs.len() || !runs.iter().all(is_long) {
         return None;
@@ -65,7 +66,7 @@ fn offsets(data: &Dataset) -> Option<Vec<f64>> {
         })
         .collect();
     let centred = |row: &MovingRow| {
-        let (regressors, torque) = &means[row.run];
+        let (regressors, torque) = &means[row.place.run];
         (row.regressors - regressors, row.torque - torque)
     };
     let centred_fit = fit(rows.iter().map(centred))?;

@@ -8,11 +8,12 @@
 use super::column::Column;
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
-use super::torque_fit::least_moving_speed;
 use super::wrap::is_velocity_derived;
 use crate::Run;
 use crate::number::figure;
+use crate::segment::stretches;
 use crate::statistics::{extent, median};
+use crate::torque_fit::least_moving_speed;
 use compensator_core::quantity::Quantity;
 use std::ops::Range;
 
@@ -105,14 +106,8 @@ fn is_lively(column: &Column, ends: [f64; 2]) -> bool {
 
 /// Returns the stretches of the extreme value.
 fn standing(values: &[f64], end: f64) -> impl Iterator<Item = Range<usize>> {
-    let mut at = 0;
-    let stretches = values.chunk_by(|one, next| one == next).map(move |same| {
-        at += same.len();
-        (same[0], at - same.len()..at)
-    });
-    stretches
-        .filter(move |(value, rows)| *value == end && rows.len() >= MIN_CONSECUTIVE_ROWS)
-        .map(|of| of.1)
+    let same = stretches(values, |one, next| one == next);
+    same.filter(move |rows| values[rows.start] == end && rows.len() >= MIN_CONSECUTIVE_ROWS)
 }
 
 /// Returns true unless the joint's rest, or its true motion, explains that a column stands.

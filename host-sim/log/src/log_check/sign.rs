@@ -24,7 +24,7 @@ const TURNED_POWER_RATIO: f64 = -0.5;
 const MIN_BACK_SHARE: f64 = 0.1;
 
 /// Finds a torque that drives the motion, and turns its sign if `correct` is true.
-pub fn sign(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+pub fn sign(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let (mut power, mut size) = (0.0, 0.0);
     for run in &data.runs {
         for (torque, velocity) in run.torque.iter().zip(&run.velocity) {
@@ -65,7 +65,6 @@ pub fn sign(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let finding = LogFindingKind::SignSuspect
         .finding(&[torque, velocity], power / size, "of the power", in_words)
         .corrected(corrected);
-    let mut data = data;
     if corrected {
         data.runs.iter_mut().flat_map(|run| &mut run.torque).for_each(|torque| *torque = -*torque);
     }

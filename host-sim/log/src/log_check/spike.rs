@@ -10,13 +10,13 @@
 //! A spike of the velocity has no motion to keep, and its row is left out.
 
 use super::finding::{LogFinding, LogFindingKind};
-use super::outlier::leave_out;
+use super::rows::leave_out;
+use crate::dataset::Place;
 use crate::number::figure;
 use crate::statistics::{median, quantile};
 use crate::{Dataset, Run, segments};
 use compensator_core::quantity::Quantity;
-use std::collections::BTreeSet;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// Rows on either side of a row whose median is compared with it. Of nine rows with 20 % of spikes, five are spikes of
 /// one sign in one row of 500.
@@ -50,24 +50,25 @@ const NORMAL_MEDIAN: f64 = 0.6745;
 
 /// Finds the spikes of torque and velocity. If `correct` is true, sets the weights of the former to 0 and leaves out the
 /// rows of the latter.
-pub fn spikes(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
-    let mut data = data;
+pub fn spikes(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let mut findings = Vec::new();
     // No joint crosses its range of speeds for a single row, so a few spikes of the velocity suffice.
     if let Some(found) = Spikes::find(&data, |run| &run.velocity, 0.0) {
         findings.push(found.finding(&data, Quantity::Velocity, correct, "their rows are left out"));
-        let bad = |is_spike: &Vec<bool>| (0..is_spike.len()).filter(|row| is_spike[*row]).collect();
-        let bad: Vec<BTreeSet<usize>> = found.runs.iter().map(|(run, _)| bad(run)).collect();
+        let rows = found.runs.iter().enumerate().flat_map(|(run, of)| {
+            let rows = (0..of.is_spike.len()).filter(|row| of.is_spike[*row]);
+            rows.map(move |row| Place { run, row })
+        });
         if correct {
-            leave_out(&mut data, &bad);
+            leave_out(&mut data, &rows.collect());
         }
     }
     if let Some(found) = Spikes::find(&data, |run| &run.torque, MIN_SHARE) {
         let done = "their rows have weight 0 in every fit and error; their motion is used";
         findings.push(found.finding(&data, Quantity::Torque, correct, done));
-        for (run, (is_spike, medians)) in data.runs.iter_mut().zip(found.runs).filter(|_| correct) {
-            if is_spike.contains(&true) {
-                replace(run, &is_spike, &medians);
+        for (run, spikes) in data.runs.iter_mut().zip(&found.runs).filter(|_| correct) {
+            if spikes.is_spike.contains(&true) {
+                replace(run, spikes);
             }
         }
     }
@@ -75,7 +76,8 @@ pub fn spikes(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
 }
 
 /// Replaces the torque of the rows with a spike.
-fn replace(run: &mut Run, is_spike: &[bool], medians: &[f64]) {
+fn replace(run: &mut Run, spikes: &RunSpikes) {
+    let RunSpikes { is_spike, medians } = spikes;
     run.torque_spikes = is_spike.iter().map(|spike| f64::from(u8::from(*spike))).collect();
     let measured = run.torque.clone();
     let noise = |row: usize| {
@@ -90,10 +92,46 @@ fn replace(run: &mut Run, is_spike: &[bool], medians: &[f64]) {
     }
 }
 
+/// The spikes of a run, row by row.
+struct RunSpikes {
+    is_spike: Vec<bool>,
+    /// The medians of the neighbours.
+    medians: Vec<f64>,
+}
+
+impl RunSpikes {
+    fn new(column: &[f64], medians: Vec<f64>, limits: &Limits) -> Self {
+        let is_spike = column.iter().zip(&medians).map(|(value, median)| {
+            (value - median).abs() > limits.least || !limits.usual.contains(value)
+        });
+        Self { is_spike: is_spike.collect(), medians }
+    }
+}
+
+/// What makes a value a spike, in the unit of the column.
+struct Limits {
+    /// Minimum distance from the median of the neighbours.
+    least: f64,
+    /// Values beyond are spikes whatever their neighbours are: where most of these are spikes, their median is one.
+    usual: RangeInclusive<f64>,
+}
+
+impl Limits {
+    /// Returns the limits of columns by the medians of the neighbours; `None` for constant columns.
+    fn new(columns: &[&Vec<f64>], medians: &[Vec<f64>]) -> Option<Self> {
+        let pairs = columns.iter().copied().flatten().zip(medians.iter().flatten());
+        let mut sizes: Vec<f64> = pairs.map(|(value, median)| (value - median).abs()).collect();
+        let noise = median(&mut sizes)? / NORMAL_MEDIAN;
+        let mut levels: Vec<f64> = medians.iter().flatten().copied().collect();
+        let (low, high) = (quantile(&mut levels, 0.01)?, quantile(&mut levels, 0.99)?);
+        let least = (MIN_RANGES * (high - low)).max(MIN_DEVIATIONS * noise);
+        (least > 0.0).then_some(Self { least, usual: low - least..=high + least })
+    }
+}
+
 /// The spikes of a log.
 struct Spikes {
-    /// For each run: which rows are spikes, and the medians of their neighbours.
-    runs: Vec<(Vec<bool>, Vec<f64>)>,
+    runs: Vec<RunSpikes>,
     count: usize,
     /// Minimum distance of a spike, in the unit of the column.
     least: f64,
@@ -121,71 +159,39 @@ impl Spikes {
     /// Returns the spikes of a column, if they are at least `least_share` of the rows.
     fn find(data: &Dataset, of: fn(&Run) -> &Vec<f64>, least_share: f64) -> Option<Self> {
         let parts: Vec<Vec<Range<usize>>> = data.runs.iter().map(segments).collect();
-        let all_medians = |is_spike: Option<&[Vec<bool>]>| -> Vec<Vec<f64>> {
-            let runs = data.runs.iter().zip(&parts).enumerate();
-            runs.map(|(index, (run, parts))| {
-                let is_spike = is_spike.map(|runs| runs[index].as_slice());
-                parts.iter().flat_map(|rows| medians(of(run), rows, is_spike)).collect()
-            })
-            .collect()
-        };
-        let first = all_medians(None);
-        let off = |medians: &[Vec<f64>]| -> Vec<Vec<f64>> {
-            let run_off = |(run, medians): (&Run, &Vec<f64>)| {
-                of(run)
-                    .iter()
-                    .zip(medians)
-                    .map(|(torque, median)| (torque - median).abs())
-                    .collect()
-            };
-            data.runs.iter().zip(medians).map(run_off).collect()
-        };
-        let distances = off(&first);
-        let mut levels: Vec<f64> = first.iter().flatten().copied().collect();
-        let (low, high) = (
-            quantile(&mut levels, 0.01).unwrap_or_default(),
-            quantile(&mut levels, 0.99).unwrap_or_default(),
-        );
-        let mut sizes: Vec<f64> = distances.iter().flatten().copied().collect();
-        let noise = median(&mut sizes).unwrap_or_default() / NORMAL_MEDIAN;
-        let least = (MIN_RANGES * (high - low)).max(MIN_DEVIATIONS * noise);
-        if least <= 0.0 {
-            return None;
-        }
-        let far = |distances: &[Vec<f64>]| -> Vec<Vec<bool>> {
-            distances.iter().map(|run| run.iter().map(|size| *size > least).collect()).collect()
-        };
-        // The second medians are those of the rows that are not spikes by the first, or by the range of all medians: where
-        // most neighbours are spikes, the first median is one.
-        let is_outside = |torque: &f64| *torque < low - least || *torque > high + least;
-        let outside: Vec<Vec<bool>> =
-            data.runs.iter().map(|run| of(run).iter().map(is_outside).collect()).collect();
-        let mut at_first = far(&distances);
-        for (run, outside) in at_first.iter_mut().zip(&outside) {
-            run.iter_mut().zip(outside).for_each(|(spike, outside)| *spike |= outside);
-        }
+        let columns: Vec<&Vec<f64>> = data.runs.iter().map(of).collect();
+        let each = || columns.iter().zip(&parts);
+        let first: Vec<Vec<f64>> = each().map(|(of, parts)| medians(of, parts, None)).collect();
+        let limits = Limits::new(&columns, &first)?;
+        let by_first =
+            columns.iter().zip(first).map(|(of, first)| RunSpikes::new(of, first, &limits));
+        let by_first: Vec<RunSpikes> = by_first.collect();
         // Without a spike the second medians would be the first ones.
-        if !at_first.iter().flatten().any(|spike| *spike) {
+        if !by_first.iter().any(|run| run.is_spike.contains(&true)) {
             return None;
         }
-        let medians = all_medians(Some(&at_first));
-        let mut is_spike = far(&off(&medians));
-        for (run, first) in is_spike.iter_mut().zip(&outside) {
-            run.iter_mut().zip(first).for_each(|(spike, outside)| *spike |= outside);
-        }
-        let count = is_spike.iter().flatten().filter(|spike| **spike).count();
+        let runs = each().zip(&by_first).map(|((of, parts), first)| {
+            RunSpikes::new(of, medians(of, parts, Some(&first.is_spike)), &limits)
+        });
+        let runs: Vec<RunSpikes> = runs.collect();
+        let count = runs.iter().flat_map(|run| &run.is_spike).filter(|spike| **spike).count();
         let share = count as f64 / data.rows.max(1) as f64;
-        let pairs = is_spike.iter().flat_map(|run| run.windows(2));
+        let pairs = runs.iter().flat_map(|run| run.is_spike.windows(2));
         let followed = pairs.filter(|pair| pair[0] && pair[1]).count() as f64 / count.max(1) as f64;
         let is_many = count >= MIN_SPIKES && (least_share..MAX_SHARE).contains(&share);
-        let runs = is_spike.into_iter().zip(medians).collect();
-        (is_many && followed < share + MAX_FOLLOWED_SHARE).then_some(Self { runs, count, least })
+        let is_found = is_many && followed < share + MAX_FOLLOWED_SHARE;
+        is_found.then_some(Self { runs, count, least: limits.least })
     }
 }
 
-/// Returns for each row of a segment the median of the rows around it that are not spikes. If all are, more rows are
-/// taken; if the whole segment is, the torque itself is the median.
-fn medians(torque: &[f64], rows: &Range<usize>, is_spike: Option<&[bool]>) -> Vec<f64> {
+/// Returns for each row of a run the median of the rows around it in its segment that are not spikes.
+fn medians(column: &[f64], parts: &[Range<usize>], is_spike: Option<&[bool]>) -> Vec<f64> {
+    parts.iter().flat_map(|rows| medians_of_segment(column, rows, is_spike)).collect()
+}
+
+/// Returns these medians of a segment. If all rows around one are spikes, more are taken; if the whole segment is, the torque
+/// itself is the median.
+fn medians_of_segment(torque: &[f64], rows: &Range<usize>, is_spike: Option<&[bool]>) -> Vec<f64> {
     let mut near = Vec::new();
     let median = |row: usize| {
         let mut reach = NEIGHBOURS;

@@ -38,13 +38,8 @@ impl Suspicion {
 
     /// Returns the finding of a log that is kept as it is.
     pub fn finding(self) -> LogFinding {
-        LogFinding {
-            kind: self.kind,
-            columns: self.columns,
-            value: 1.0,
-            unit: "log".into(),
-            corrected: false,
-            in_words: format!("The log has {}. Nothing is changed, as asked.", self.found),
-        }
+        let words = format!("The log has {}. Nothing is changed, as asked.", self.found);
+        let columns: Vec<&str> = self.columns.iter().map(String::as_str).collect();
+        self.kind.finding(&columns, 1.0, "log", words)
     }
 }

@@ -42,7 +42,7 @@ pub fn swapped(data: &Dataset) -> Option<DataError> {
         return None;
     }
     let is_near = |scale: f64| (torque.scale / scale - 1.0).abs() < MAX_SCALE_DIFFERENCE;
-    let unit = velocity_units(data.joint).into_iter().find(|(_, scale)| is_near(*scale))?.0;
+    let unit = velocity_units(data.joint).into_iter().find(|of| is_near(of.size))?.unit;
     let [velocity, torque] = [Quantity::Velocity, Quantity::Torque].map(|of| of.name(data.joint));
     let [from_velocity, from_torque] = [velocity, torque].map(|name| header(data, name));
     let unit = if unit == data.joint.velocity_unit() { String::new() } else { format!(":{unit}") };

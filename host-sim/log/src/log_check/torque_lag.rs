@@ -44,27 +44,40 @@ pub fn torque_lag(log: &Log) -> Vec<LogFinding> {
     if turns.len() < MIN_REVERSALS {
         return Vec::new();
     }
-    turns.sort_by(|a, b| a.0.total_cmp(&b.0));
+    turns.sort_by(|a, b| a.slowness.total_cmp(&b.slowness));
     let tenth = turns.len() / 10;
-    if turns[turns.len() - 1 - tenth].0 < MIN_DECILE_RATIO * turns[tenth].0 {
+    if turns[turns.len() - 1 - tenth].slowness < MIN_DECILE_RATIO * turns[tenth].slowness {
         return Vec::new();
     }
-    let Some((lag, error)) = intercept(&turns) else { return Vec::new() };
-    if lag < MIN_LAG_ERRORS * error || lag < MIN_LAG_ROWS * log.sensors.step_s {
+    let Some(Lag { lag_s, error_s }) = intercept(&turns) else { return Vec::new() };
+    if lag_s < MIN_LAG_ERRORS * error_s || lag_s < MIN_LAG_ROWS * log.sensors.step_s {
         return Vec::new();
     }
     let words = format!(
         "At {} reversals the torque changes sides {} ± {} ms after the motion whatever the speed: it is filtered \
              or late. Nothing is changed; a delay is to be a part of the base model.",
         turns.len(),
-        figure(1e3 * lag),
-        figure(1e3 * error)
+        figure(1e3 * lag_s),
+        figure(1e3 * error_s)
     );
-    vec![LogFindingKind::TorqueLag.finding(&[log.torque()], lag, "s", words)]
+    vec![LogFindingKind::TorqueLag.finding(&[log.torque()], lag_s, "s", words)]
 }
 
-/// Returns for each reversal (`sqrt(2/a)`, time from the turn to the middle of the torque's change).
-fn turns(log: &Log) -> Vec<(f64, f64)> {
+/// A reversal.
+struct Turn {
+    /// `sqrt(2/a)` of its acceleration, s per square root of rad or m.
+    slowness: f64,
+    /// Time from the turn to the middle of the torque's change, s.
+    late_s: f64,
+}
+
+/// The lag of the torque with its standard error.
+struct Lag {
+    lag_s: f64,
+    error_s: f64,
+}
+
+fn turns(log: &Log) -> Vec<Turn> {
     let left = LEFT_SPEED_SHARE * log.sensors.speed;
     let mut found = Vec::new();
     for run in &log.smoothed.runs {
@@ -81,13 +94,7 @@ fn turns(log: &Log) -> Vec<(f64, f64)> {
     found
 }
 
-fn turn(
-    time: &[f64],
-    velocity: &[f64],
-    torque: &[f64],
-    row: usize,
-    left: f64,
-) -> Option<(f64, f64)> {
+fn turn(time: &[f64], velocity: &[f64], torque: &[f64], row: usize, left: f64) -> Option<Turn> {
     let side = velocity[row].signum();
     // Rows in which the joint has left the turn, on either side, without turning again.
     let after =
@@ -117,16 +124,16 @@ fn turn(
     })?;
     let share = (middle - torque[crossed - 1]) / (torque[crossed] - torque[crossed - 1]);
     let then = time[crossed - 1] + share * (time[crossed] - time[crossed - 1]);
-    Some(((2.0 / acceleration.abs()).sqrt(), then - zero))
+    Some(Turn { slowness: (2.0 / acceleration.abs()).sqrt(), late_s: then - zero })
 }
 
 /// Fits a robust line and returns its intercept with the standard error.
-fn intercept(turns: &[(f64, f64)]) -> Option<(f64, f64)> {
+fn intercept(turns: &[Turn]) -> Option<Lag> {
     let mut weights = vec![1.0; turns.len()];
     let mut result = None;
     for _ in 0..10 {
         let (mut n, mut sx, mut sy, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for ((x, y), w) in turns.iter().zip(&weights) {
+        for (Turn { slowness: x, late_s: y }, w) in turns.iter().zip(&weights) {
             n += w;
             sx += w * x;
             sy += w * y;
@@ -139,13 +146,12 @@ fn intercept(turns: &[(f64, f64)]) -> Option<(f64, f64)> {
         }
         let slope = (n * xy - sx * sy) / determinant;
         let start = (sy - slope * sx) / n;
-        let mut sizes: Vec<f64> =
-            turns.iter().map(|(x, y)| (y - start - slope * x).abs()).collect();
-        let sizes_in_order = sizes.clone();
-        let scale = median(&mut sizes)? / 0.6745 + 1e-12;
+        let sizes: Vec<f64> =
+            turns.iter().map(|of| (of.late_s - start - slope * of.slowness).abs()).collect();
+        let scale = median(&mut sizes.clone())? / 0.6745 + 1e-12;
         // Huber's weights.
-        weights = sizes_in_order.iter().map(|size| (1.5 * scale / size).min(1.0)).collect();
-        result = Some((start, scale * (xx / determinant).sqrt()));
+        weights = sizes.iter().map(|size| (1.5 * scale / size).min(1.0)).collect();
+        result = Some(Lag { lag_s: start, error_s: scale * (xx / determinant).sqrt() });
     }
     result
 }

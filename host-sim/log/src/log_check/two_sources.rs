@@ -55,7 +55,7 @@ pub fn suspicion(log: &Log) -> Option<Suspicion> {
         "rows of two sources: {name} changes {changes} times between two courses (column {})",
         header(data, name)
     );
-    let expected = match telling_column(data, &courses) {
+    let expected = match telling_column(data, |place| courses[place.run][place.row]) {
         Some(pairs) => pairs.map(|pair| Setting::Where.suggested(pair)).join(" or "),
         None => "a file for each source".into(),
     };

@@ -12,13 +12,9 @@ use super::suspicion::Suspicion;
 use super::{header, rate, typed};
 use crate::number::figure;
 use crate::setting::shell_word;
-use crate::unit::{conversion, size};
-use crate::{derivative, segments};
+use crate::torque_fit::{ACCELERATION, fit, moving_rows};
+use crate::unit::{SizedUnit, conversion, sized};
 use compensator_core::quantity::{JointKind, Quantity};
-use nalgebra::{Matrix4, Vector4};
-
-/// A unit with the number in the column for one unit of the contract.
-type SizedUnit = (&'static str, f64);
 
 /// Probable units of the velocity, of a revolute and a prismatic joint.
 const VELOCITY_UNITS: [&[&str]; 2] = [
@@ -32,12 +28,7 @@ const POSITION_UNITS: [&[&str]; 2] =
 
 /// Returns the probable units of the velocity with their sizes.
 pub fn velocity_units(joint: JointKind) -> Vec<SizedUnit> {
-    sized(Quantity::Velocity, joint, &VELOCITY_UNITS)
-}
-
-fn sized(of: Quantity, joint: JointKind, units: &[&'static [&'static str]; 2]) -> Vec<SizedUnit> {
-    let sized = |unit: &&'static str| Some((*unit, size(of.name(joint), unit)?));
-    units[joint as usize].iter().filter_map(sized).collect()
+    sized(Quantity::Velocity.name(joint), VELOCITY_UNITS[joint as usize])
 }
 
 /// Maximum relative difference to a gain of the table.
@@ -131,24 +122,24 @@ fn probable_causes(log: &Log, gain: f64) -> Vec<UnitCause> {
     }
     let joint = log.data.joint;
     let velocities = relative(&velocity_units(joint), log.data.given_unit(log.velocity()));
-    let positions = sized(Quantity::Position, joint, &POSITION_UNITS);
+    let positions = sized(log.position(), POSITION_UNITS[joint as usize]);
     let positions = relative(&positions, log.data.given_unit(log.position()));
     let (velocity, position) = (log.velocity(), log.position());
     let mut causes = Vec::new();
-    for (unit, _) in velocities.iter().filter(|(_, size)| is_near(*size)) {
-        causes.push(UnitCause::one("the velocity", velocity, unit));
+    for of in velocities.iter().filter(|of| is_near(of.size)) {
+        causes.push(UnitCause::one("the velocity", velocity, of.unit));
     }
-    for (unit, _) in positions.iter().filter(|(_, size)| is_near(1.0 / size)) {
-        causes.push(UnitCause::one("the position", position, unit));
+    for of in positions.iter().filter(|of| is_near(1.0 / of.size)) {
+        causes.push(UnitCause::one("the position", position, of.unit));
     }
     if is_near(1e3) {
         causes.push(UnitCause::one("the time", "time_s", "ms"));
     }
     if causes.is_empty() {
         let mut pairs = velocities.iter().flat_map(|v| positions.iter().map(move |q| (v, q)));
-        let both = pairs.find(|(v, q)| is_near(v.1 / q.1)).map(|(v, q)| UnitCause {
-            in_words: format!("the velocity may be in {} and the position in {}", v.0, q.0),
-            columns: vec![(velocity, v.0.into()), (position, q.0.into())],
+        let both = pairs.find(|(v, q)| is_near(v.size / q.size)).map(|(v, q)| UnitCause {
+            in_words: format!("the velocity may be in {} and the position in {}", v.unit, q.unit),
+            columns: vec![(velocity, v.unit.into()), (position, q.unit.into())],
         });
         causes.extend(both);
     }
@@ -218,8 +209,8 @@ fn rounded(factor: f64) -> f64 {
 
 /// Stamps in another unit.
 fn of_rate(log: &Log) -> Option<Suspicion> {
-    let (rate, unit) =
-        rate::probable_unit(log).filter(|(rate, _)| !SLOW_RATES_HZ.contains(rate))?;
+    let rate = rate::implausible_rate(log).filter(|rate| !SLOW_RATES_HZ.contains(rate))?;
+    let unit = rate::probable_unit(log, rate)?;
     let column = header(log.data, "time_s");
     let found = format!("{} rows a second by the column {column}", figure(rate));
     Some(suspicion_of(&["time_s"], found, &[format!("time_s={column}:{unit}")]))
@@ -227,37 +218,35 @@ fn of_rate(log: &Log) -> Option<Suspicion> {
 
 /// A velocity in another unit.
 fn of_speed(log: &Log) -> Option<Suspicion> {
-    let (speed, unit) = impossible_speed(log)?;
+    let unit = unit_of_impossible_speed(log)?;
     let (name, unit_of_contract) = (log.velocity(), log.data.joint.velocity_unit());
-    let found = format!("{} {unit_of_contract} in {name}, which no joint reaches", figure(speed));
+    let found = format!(
+        "{} {unit_of_contract} in {name}, which no joint reaches",
+        figure(log.sensors.speed)
+    );
     let pair = format!("{name}={}:{unit}", header(log.data, name));
     Some(suspicion_of(&[name], found, &[pair]))
 }
 
 /// Returns the other units of a column with their sizes relative to the given one; none if that is not in the table.
 fn relative(units: &[SizedUnit], given: Option<&str>) -> Vec<SizedUnit> {
-    let given = given.map_or(Some(1.0), |given| {
-        units.iter().find(|(unit, _)| *unit == given).map(|(_, size)| *size)
-    });
+    let given =
+        given.map_or(Some(1.0), |given| units.iter().find(|of| of.unit == given).map(|of| of.size));
     let Some(given) = given else { return Vec::new() };
-    let sizes = units.iter().map(|(unit, size)| (*unit, size / given));
-    sizes.filter(|(_, size)| *size != 1.0).collect()
+    let others = units.iter().map(|of| SizedUnit { size: of.size / given, ..*of });
+    others.filter(|of| of.size != 1.0).collect()
 }
 
-/// Returns a speed that no joint reaches, with the unit that it may be in.
-fn impossible_speed(log: &Log) -> Option<(f64, &'static str)> {
-    let (fastest, other) = match log.data.joint {
-        JointKind::Revolute => (MAX_SPEEDS[0], "rpm"),
-        JointKind::Prismatic => (MAX_SPEEDS[1], "mm/s"),
-    };
-    let speed = log.sensors.speed;
-    (speed > fastest).then_some((speed, other))
+/// Returns the unit that a velocity may be in, if by its column's unit no joint reaches its speed.
+fn unit_of_impossible_speed(log: &Log) -> Option<&'static str> {
+    let joint = log.data.joint;
+    (log.sensors.speed > MAX_SPEEDS[joint as usize]).then(|| joint.choose(["rpm", "mm/s"]))
 }
 
 /// Compares the speed with the maximum plausible one.
 fn speed_limit(log: &Log) -> Option<LogFinding> {
     let (velocity, unit) = (log.velocity(), log.data.joint.velocity_unit());
-    let (speed, other) = impossible_speed(log)?;
+    let (speed, other) = (log.sensors.speed, unit_of_impossible_speed(log)?);
     let words = format!(
         "The velocity reaches {} {unit} by its column's unit, which no joint does: it may be in {other} \
          (--columns {}). Nothing is changed.",
@@ -278,7 +267,9 @@ fn inertia_limit(log: &Log) -> Option<LogFinding> {
     if log.data.joint != JointKind::Revolute {
         return None;
     }
-    let (inertia, error) = implied_inertia(log)?;
+    let rows = moving_rows(log.smoothed);
+    let law = fit(rows.iter().map(|row| (row.regressors, row.torque)))?;
+    let (inertia, error) = (law.coefficients[ACCELERATION], law.errors[ACCELERATION]);
     if inertia < MIN_DOUBTFUL_INERTIA || error > MAX_INERTIA_ERROR * inertia {
         return None;
     }
@@ -290,30 +281,6 @@ fn inertia_limit(log: &Log) -> Option<LogFinding> {
         typed(log.data, torque, "mNm")
     );
     Some(finding(&[torque], inertia, "kg m²", words))
-}
-
-/// Returns the inertia by a regression of the torque on acceleration, direction, velocity and 1, and its standard error.
-fn implied_inertia(log: &Log) -> Option<(f64, f64)> {
-    let mut normal = Matrix4::<f64>::zeros();
-    let (mut right, mut squares, mut count) = (Vector4::zeros(), 0.0, 0.0);
-    for (logged, smooth) in log.data.runs.iter().zip(&log.smoothed.runs) {
-        for rows in segments(smooth) {
-            let velocity = &smooth.velocity[rows.clone()];
-            let acceleration = derivative(&smooth.time_s[rows.clone()], velocity);
-            let torque = &logged.torque[rows];
-            for ((a, v), y) in acceleration.iter().zip(velocity).zip(torque) {
-                let row = Vector4::new(*a, v.signum(), *v, 1.0);
-                normal += row * row.transpose();
-                right += row * *y;
-                squares += y * y;
-                count += 1.0;
-            }
-        }
-    }
-    let inverse = normal.try_inverse()?;
-    let found = inverse * right;
-    let left = (squares - found.dot(&right)).max(0.0) / f64::max(count - 4.0, 1.0);
-    Some((found[0], (left * inverse[(0, 0)]).sqrt()))
 }
 
 /// Compares pressures and temperatures with plausible values.

@@ -3,7 +3,7 @@
 use super::finding::{LogFinding, LogFindingKind};
 use super::log::Log;
 use super::wrap::is_velocity_derived;
-use crate::motion::agreement::Agreement;
+use crate::motion::Agreement;
 use crate::number::figure;
 use std::f64::consts::TAU;
 

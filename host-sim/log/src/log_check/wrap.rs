@@ -77,7 +77,7 @@ impl Jump {
 }
 
 /// Unwraps the position if it wraps and `correct` is true.
-pub fn unwrapped(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
+pub fn unwrapped(mut data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let Some(wrap) = find(&data) else { return (data, Vec::new()) };
     let (position, unit) = (Quantity::Position.name(data.joint), data.joint.position_unit());
     let derived = is_velocity_derived(&data);
@@ -102,7 +102,6 @@ pub fn unwrapped(data: Dataset, correct: bool) -> (Dataset, Vec<LogFinding>) {
     let finding = LogFindingKind::WrappedAngle
         .finding(&[position], wrap.period, unit, words)
         .corrected(correct);
-    let mut data = data;
     if correct {
         data.runs.iter_mut().for_each(|run| unwrap_run(run, wrap, derived));
     }

@@ -106,111 +106,156 @@ impl Agreement {
     }
 }
 
+/// Rounds of the regression. The later ones leave out the largest residuals.
+const ROUNDS: usize = 3;
+
 /// Compares velocity and position. Every series must have a position.
 pub fn agreement(all: &[Series]) -> Agreement {
-    let mut alone: Vec<Series> = Vec::new();
-    let mut velocities: Vec<Vec<f64>> = Vec::new();
-    let rows: usize = all.iter().map(Series::len).sum();
-    let stride = rows.div_ceil(MAX_ROWS).max(1);
-    for series in all.iter().filter(|s| s.len() > 10) {
-        let part = series.part(0..(series.len() / stride).max(10));
-        velocities.push(part.velocity.clone().unwrap_or_default());
-        alone.push(Series { velocity: None, ..part });
-    }
-    if alone.is_empty() {
-        return Agreement { gain: 1.0, ..Agreement::default() };
-    }
-    let Levels { noise, jump } = likeliest(&alone);
-    // Weighted sums of the normal equations. The later rounds leave out the largest residuals.
-    let mut table: Vec<[f64; 4]> = Vec::new();
-    let mut stretches: Vec<Stretch> = Vec::new();
-    let (mut starts, mut open, mut opened) = (Vec::new(), 0.0, 0.0);
-    for (series, logged) in alone.iter().zip(&velocities) {
-        let found = smooth(series, &noise, &vec![jump; series.len() - 1]);
-        let derivative = found.states.iter().map(|state| state[1]).collect();
-        stretches.push(Stretch { steps: series.steps.clone(), derivative, logged: logged.clone() });
-        let ends = 4.min(series.len() / 4);
-        starts.push(table.len());
-        let inner = logged.iter().enumerate().take(series.len() - ends).skip(ends);
-        for (row, logged) in inner {
-            let state = found.states[row];
-            // The acceleration of the polygon belongs to the middle of the step after the row.
-            let bend = 0.5 * (state[2] + found.states[row - 1][2]);
-            let jerk = state[2] - found.states[row - 1][2];
-            table.push([*logged, state[1], bend, jerk]);
-            open += found.variances[row][1];
-            opened += 1.0;
-        }
-    }
-    if table.len() < MIN_ROWS {
-        return Agreement { gain: 1.0, ..Agreement::default() };
-    }
-    let mut limit = f64::INFINITY;
     let mut result = Agreement { gain: 1.0, ..Agreement::default() };
-    for _ in 0..3 {
-        let (mut vv, mut va, mut aa, mut yv, mut ya, mut count) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        let lag_slope = -result.gain * result.lag_rows;
-        let left = |row: &[f64; 4]| row[0] - result.gain * row[1] - lag_slope * row[2];
-        let inside: Vec<&[f64; 4]> = table.iter().filter(|row| left(row).abs() <= limit).collect();
-        for [y, v, a, _] in inside.iter().copied() {
-            vv += v * v;
-            va += v * a;
-            aa += a * a;
-            yv += y * v;
-            ya += y * a;
-            count += 1.0;
-        }
-        let determinant = vv * aa - va * va;
-        if determinant.is_nan() || determinant <= 1e-12 * vv * aa {
-            break;
-        }
-        let gain = (yv * aa - ya * va) / determinant;
-        let slope = (ya * vv - yv * va) / determinant;
-        let left = |row: &[f64; 4]| row[0] - gain * row[1] - slope * row[2];
-        let squares: f64 = inside.iter().map(|row| left(row).powi(2)).sum();
-        let variance = squares / count;
-        result = Agreement {
-            gain,
-            lag_rows: -slope / gain,
-            lag_error_rows: (variance * vv / determinant).sqrt() / gain.abs(),
-            gain_error: (variance * aa / determinant).sqrt(),
-            scatter: variance.sqrt(),
-            speed: (vv / count).sqrt(),
-            position_variance: noise.position,
-            left_correlation: correlation(&table, &starts, &left),
-            open: f64::sqrt(open / f64::max(opened, 1.0)),
-            is_independent: is_independent(&inside),
-            low_pass_rows: None,
-        };
-        let mut sizes: Vec<f64> = table.iter().map(|row| left(row).abs()).collect();
+    let Some(compared) = Comparison::new(all) else { return result };
+    let mut limit = f64::INFINITY;
+    for _ in 0..ROUNDS {
+        let inside = compared.rows.iter().copied().filter(|row| row.left(&result).abs() <= limit);
+        let Some(found) = regress(&inside.collect::<Vec<_>>()) else { break };
+        result = found;
+        let mut sizes: Vec<f64> = compared.rows.iter().map(|row| row.left(&result).abs()).collect();
         let at = sizes.len() * 19 / 20;
         // Twice the 95th percentile is four standard deviations. Residuals beyond it are not noise.
         limit = 2.0 * *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
     }
-    Agreement { low_pass_rows: time_constant(&stretches), ..result }
+    Agreement {
+        position_variance: compared.position_variance,
+        left_correlation: compared.correlation(&result),
+        open: compared.open,
+        low_pass_rows: time_constant(&compared.stretches),
+        ..result
+    }
+}
+
+/// A row of the regression, per median step.
+#[derive(Clone, Copy)]
+struct ComparedRow {
+    logged: f64,
+    /// The first three derivatives of the smoothed position.
+    velocity: f64,
+    acceleration: f64,
+    jerk: f64,
+}
+
+impl ComparedRow {
+    /// Returns what `gain v - gain lag a` leaves of the logged velocity.
+    fn left(&self, found: &Agreement) -> f64 {
+        self.logged - found.gain * (self.velocity - found.lag_rows * self.acceleration)
+    }
+}
+
+/// The logged velocity beside the derivatives of the position.
+struct Comparison {
+    rows: Vec<ComparedRow>,
+    /// The first row of each series.
+    starts: Vec<usize>,
+    stretches: Vec<Stretch>,
+    /// Variance of the position's noise alone.
+    position_variance: f64,
+    /// See [`Agreement::open`].
+    open: f64,
+}
+
+impl Comparison {
+    /// Smooths the positions alone. Returns `None` if there are too few rows.
+    fn new(all: &[Series]) -> Option<Self> {
+        let (mut alone, mut velocities) = (Vec::new(), Vec::new());
+        let rows: usize = all.iter().map(Series::len).sum();
+        let stride = rows.div_ceil(MAX_ROWS).max(1);
+        for series in all.iter().filter(|s| s.len() > 10) {
+            let mut part = series.part(0..(series.len() / stride).max(10));
+            velocities.push(part.velocity.take().unwrap_or_default());
+            alone.push(part);
+        }
+        if alone.is_empty() {
+            return None;
+        }
+        let Levels { noise, jump } = likeliest(&alone);
+        let (mut rows, mut starts, mut stretches, mut open) = (vec![], vec![], vec![], 0.0);
+        for (series, logged) in alone.into_iter().zip(velocities) {
+            let found = smooth(&series, &noise, &vec![jump; series.len() - 1]);
+            let ends = 4.min(series.len() / 4);
+            starts.push(rows.len());
+            let inner = logged.iter().enumerate().take(series.len() - ends).skip(ends);
+            for (row, logged) in inner {
+                let (before, state) = (found.states[row - 1], found.states[row]);
+                rows.push(ComparedRow {
+                    logged: *logged,
+                    velocity: state[1],
+                    // The acceleration of the polygon belongs to the middle of the step after the row.
+                    acceleration: 0.5 * (state[2] + before[2]),
+                    jerk: state[2] - before[2],
+                });
+                open += found.variances[row][1];
+            }
+            let derivative = found.states.iter().map(|state| state[1]).collect();
+            stretches.push(Stretch { steps: series.steps, derivative, logged });
+        }
+        let open = f64::sqrt(open / f64::max(rows.len() as f64, 1.0));
+        let position_variance = noise.position;
+        let is_enough = rows.len() >= MIN_ROWS;
+        is_enough.then_some(Self { rows, starts, stretches, position_variance, open })
+    }
+
+    /// Returns the lag-one correlation of the residual. Pairs across two series are excluded.
+    fn correlation(&self, found: &Agreement) -> f64 {
+        let (mut products, mut squares) = (0.0, 0.0);
+        for (at, row) in self.rows.iter().enumerate() {
+            squares += row.left(found).powi(2);
+            if at > 0 && !self.starts.contains(&at) {
+                products += row.left(found) * self.rows[at - 1].left(found);
+            }
+        }
+        products / f64::max(squares, f64::MIN_POSITIVE)
+    }
+}
+
+/// Regresses the logged velocity on velocity and acceleration by least squares; `None` if these cannot be told apart.
+fn regress(rows: &[ComparedRow]) -> Option<Agreement> {
+    let (mut vv, mut va, mut aa, mut yv, mut ya) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for ComparedRow { logged: y, velocity: v, acceleration: a, .. } in rows {
+        vv += v * v;
+        va += v * a;
+        aa += a * a;
+        yv += y * v;
+        ya += y * a;
+    }
+    let determinant = vv * aa - va * va;
+    if determinant.is_nan() || determinant <= 1e-12 * vv * aa {
+        return None;
+    }
+    let gain = (yv * aa - ya * va) / determinant;
+    let lag_rows = -(ya * vv - yv * va) / determinant / gain;
+    let count = rows.len() as f64;
+    let found = Agreement { gain, lag_rows, ..Agreement::default() };
+    let variance = rows.iter().map(|row| row.left(&found).powi(2)).sum::<f64>() / count;
+    Some(Agreement {
+        gain_error: (variance * aa / determinant).sqrt(),
+        lag_error_rows: (variance * vv / determinant).sqrt() / gain.abs(),
+        scatter: variance.sqrt(),
+        speed: (vv / count).sqrt(),
+        is_independent: is_independent(rows),
+        ..found
+    })
 }
 
 /// Returns true if a logged velocity has more fast components than the position's derivative. In the regression
 /// `v_logged = b0 v + b1 a + b2 j` (`j` is the third derivative), `b2 < 0` amplifies fast components. Filtered
 /// differences of the position attenuate them; a pure delay of `d` gives `b2 = d^2 / 2`.
-fn is_independent(rows: &[&[f64; 4]]) -> bool {
-    let columns = DMatrix::from_fn(rows.len(), 3, |row, column| rows[row][column + 1]);
-    let logged = DVector::from_fn(rows.len(), |row, _| rows[row][0]);
+fn is_independent(rows: &[ComparedRow]) -> bool {
+    let columns = DMatrix::from_fn(rows.len(), 3, |row, column| {
+        let ComparedRow { velocity, acceleration, jerk, .. } = rows[row];
+        [velocity, acceleration, jerk][column]
+    });
+    let logged = DVector::from_fn(rows.len(), |row, _| rows[row].logged);
     let products = columns.transpose() * &columns;
     let Some(inverse) = products.try_inverse() else { return false };
     let found = &inverse * (columns.transpose() * &logged);
     let left = (&logged - &columns * &found).norm_squared() / rows.len() as f64;
     found[2] * found[0].signum() < -SIGN_ERRORS * (left * inverse[(2, 2)]).sqrt()
-}
-
-/// Returns the lag-one correlation of the residual. Pairs across two series are excluded.
-fn correlation(table: &[[f64; 4]], starts: &[usize], left: &impl Fn(&[f64; 4]) -> f64) -> f64 {
-    let (mut products, mut squares) = (0.0, 0.0);
-    for (at, row) in table.iter().enumerate() {
-        squares += left(row).powi(2);
-        if at > 0 && !starts.contains(&at) {
-            products += left(row) * left(&table[at - 1]);
-        }
-    }
-    products / f64::max(squares, f64::MIN_POSITIVE)
 }

@@ -6,8 +6,8 @@
 //! so that the reconstructed one is kept unless the other leaves clearly less.
 
 use crate::statistics::quantile_by_count;
+use crate::torque_fit::{FRICTION, LeastSquares};
 use crate::{Dataset, JointKind, Quantity};
-use nalgebra::{Cholesky, SMatrix, SVector};
 
 /// Ratio of the errors below which the logged motion is used.
 const MAX_RATIO: f64 = 0.92;
@@ -18,15 +18,6 @@ const TOP_SPEED: f64 = 0.95;
 /// Share of it up to which Coulomb friction has no direction.
 const NO_DIRECTION: f64 = 0.01;
 
-/// Number of regressors.
-const TERMS: usize = 6;
-
-/// Diagonal of a coefficient that is kept at 0.
-const FIXED: f64 = 1e150;
-
-/// Ridge of the least squares, relative to the diagonal.
-const RIDGE: f64 = 1e-9;
-
 /// Returns true if the logged motion leaves clearly less of the torque than the reconstructed one.
 pub fn logged_is_better(logged: &Dataset, reconstructed: &Dataset) -> bool {
     match (plain_error(logged), plain_error(reconstructed)) {
@@ -35,42 +26,29 @@ pub fn logged_is_better(logged: &Dataset, reconstructed: &Dataset) -> bool {
     }
 }
 
-/// Returns the RMS error of plain friction by least squares; `None` if it has no solution.
+/// Returns the RMS error of plain friction by least squares; `None` if it has no solution, or too few rows.
 fn plain_error(data: &Dataset) -> Option<f64> {
     let speeds: Vec<f64> =
         data.runs.iter().flat_map(|run| run.velocity.iter().map(|v| v.abs())).collect();
     let slowest = NO_DIRECTION * quantile_by_count(speeds, TOP_SPEED)?;
-    let mut products = SMatrix::<f64, TERMS, TERMS>::zeros();
-    let mut right = SVector::<f64, TERMS>::zeros();
-    let (mut squares, mut rows) = (0.0, 0.0);
+    let mut sums = LeastSquares::default();
     for run in &data.runs {
         let acceleration = run.acceleration_or_derived();
-        let position = run.get(Quantity::Position).filter(|_| data.joint == JointKind::Revolute);
+        let angle = run.get(Quantity::Position).filter(|_| data.joint == JointKind::Revolute);
         for row in (0..run.len()).filter(|row| !run.is_spike(*row)) {
-            let v = run.velocity[row];
-            let direction = if v.abs() > slowest { v.signum() } else { 0.0 };
-            let (sine, cosine) = position.map_or((0.0, 0.0), |position| position[row].sin_cos());
-            let regressors = SVector::from([direction, v, acceleration[row], 1.0, sine, cosine]);
-            products += regressors * regressors.transpose();
-            right += regressors * run.torque[row];
-            squares += run.torque[row].powi(2);
-            rows += 1.0;
+            let velocity = run.velocity[row];
+            let direction = if velocity.abs() > slowest { velocity.signum() } else { 0.0 };
+            let (sine, cosine) = angle.map_or((0.0, 0.0), |angle| angle[row].sin_cos());
+            let regressors = [acceleration[row], direction, velocity, sine, cosine, 1.0];
+            sums.add(regressors.into(), run.torque[row]);
         }
     }
-    for at in 0..TERMS {
-        products[(at, at)] += RIDGE * products[(at, at)] + f64::MIN_POSITIVE;
-    }
-    // Neither may be negative: a controller feeds the noise of a velocity back, as friction that drives.
-    for kept in [[true, true], [true, false], [false, true], [false, false]] {
-        let mut reduced = products;
-        for at in (0..2).filter(|at| !kept[*at]) {
-            reduced.row_mut(at).fill(0.0);
-            reduced.column_mut(at).fill(0.0);
-            reduced[(at, at)] = FIXED;
-        }
-        let sizes = Cholesky::new(reduced)?.solve(&right);
-        if (0..2).all(|at| !kept[at] || sizes[at] >= 0.0) {
-            return (rows > 0.0).then(|| ((squares - right.dot(&sizes)).max(0.0) / rows).sqrt());
+    // Neither part of friction may be negative: a controller feeds the noise of a velocity back, as friction that drives.
+    let [coulomb, viscous] = FRICTION;
+    for at_zero in [&[][..], &[viscous], &[coulomb], &FRICTION] {
+        let law = sums.solve(at_zero)?;
+        if FRICTION.iter().all(|at| at_zero.contains(at) || law.coefficients[*at] >= 0.0) {
+            return Some(law.scatter);
         }
     }
     None

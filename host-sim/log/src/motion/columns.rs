@@ -61,8 +61,6 @@ pub struct SegmentMotion {
     pub velocity: Vec<f64>,
     /// Draws of the true velocity minus this one.
     pub draws: Vec<Vec<f64>>,
-    /// True for rows at rest.
-    pub at_rest: Vec<bool>,
 }
 
 impl SegmentMotion {
@@ -80,8 +78,6 @@ pub struct Sensors {
     pub step_s: f64,
     /// 95th percentile of speed, rad/s or m/s.
     pub speed: f64,
-    /// Standard deviation of the position's noise, rad or m; 0 without a position.
-    pub position_noise: f64,
     /// Step of a quantised position, rad or m; 0 if it is not quantised.
     pub position_quantum: f64,
     /// Standard deviation of the velocity's noise, rad/s or m/s.
@@ -99,8 +95,6 @@ pub struct Sensors {
     pub from_velocity_alone: bool,
     /// True if the position is a sum of the velocity with the same start value in each run.
     pub position_integrated: bool,
-    /// RMS of the velocity over the rows at rest. [`Sensors::noise_at_rest`] excludes the largest tenth.
-    pub flicker_at_rest: f64,
     /// True if the velocity is exact and used as logged.
     pub exact: bool,
     /// True if the velocity is used as logged because there is no position and the joint neither rests nor reverses. In
@@ -174,9 +168,6 @@ impl MotionAnalysis {
         }
         let step = sensors.position_quantum;
         let levels = likeliest(all);
-        if has_position {
-            sensors.position_noise = (levels.noise.position + step * step / 12.0).sqrt();
-        }
         sensors.velocity_noise = levels.noise.velocity.sqrt() / step_s;
         // A velocity that is smooth and wrong adds its error to the position's noise. So rest is detected with the
         // noise of the position alone.
@@ -194,8 +185,6 @@ impl MotionAnalysis {
             inside.zip(&stretch.velocity[1..]).filter(|(rests, _)| *rests)
         });
         let mut speeds: Vec<f64> = resting.map(|(_, v)| v.abs()).collect();
-        let squares: f64 = speeds.iter().map(|v| v * v).sum();
-        sensors.flicker_at_rest = (squares / speeds.len().max(1) as f64).sqrt();
         sensors.rows_at_rest = speeds.len();
         sensors.noise_at_rest =
             quantile(&mut speeds, NOISE_QUANTILE).unwrap_or_default() / NORMAL_QUANTILE;
@@ -213,7 +202,7 @@ impl MotionAnalysis {
         *found = Some(levels);
     }
 
-    /// Returns the motion of a segment. `normal` returns independent standard normal numbers for the draws.
+    /// Returns the reconstructed motion of a segment, or the logged one of up to two rows. `normal` returns standard normal numbers.
     pub fn motion(
         &self,
         index: usize,
@@ -221,18 +210,13 @@ impl MotionAnalysis {
         normal: &mut dyn FnMut() -> f64,
     ) -> SegmentMotion {
         match (&self.levels, self.all.get(index)) {
-            (Some(levels), Some(series)) if !self.sensors.is_as_logged() && series.len() > 2 => {
+            (Some(levels), Some(series)) if series.len() > 2 => {
                 motion(series, stretch, levels, &self.sensors, normal)
             }
             _ => SegmentMotion {
                 position: stretch.position.map(<[f64]>::to_vec),
                 velocity: stretch.velocity.to_vec(),
-                draws: if self.sensors.is_as_logged() {
-                    Vec::new()
-                } else {
-                    vec![vec![0.0; stretch.velocity.len()]; DRAWS]
-                },
-                at_rest: vec![false; stretch.velocity.len()],
+                draws: vec![vec![0.0; stretch.velocity.len()]; DRAWS],
             },
         }
     }
@@ -331,5 +315,5 @@ fn motion(
     for (row, v) in draws.iter_mut().flat_map(|draw| draw.iter_mut().enumerate()) {
         *v = still(row, *v / step_s);
     }
-    SegmentMotion { position, velocity, draws, at_rest: series.at_rest.clone() }
+    SegmentMotion { position, velocity, draws }
 }

@@ -27,11 +27,11 @@ const MIN_STEP: f64 = 0.01;
 pub struct Series {
     /// Steps between rows, relative to the median step; one fewer than rows.
     pub steps: Vec<f64>,
-    /// MeasurementUpdate position relative to the first one, if there is one.
+    /// Measured position relative to the first one, if there is one.
     pub position: Option<Vec<f64>>,
     /// Variance of each position due to rounding; empty if positions are not rounded.
     pub rounding: Vec<f64>,
-    /// MeasurementUpdate velocity per median step, if it is used.
+    /// Measured velocity per median step, if it is used.
     pub velocity: Option<Vec<f64>>,
     /// Variance of the velocity's noise in this series, relative to that of all series.
     pub loudness: f64,
@@ -43,11 +43,6 @@ impl Series {
     /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.steps.len() + 1
-    }
-
-    /// Returns true if there are no rows. A series without steps has one row.
-    pub fn is_empty(&self) -> bool {
-        self.at_rest.is_empty()
     }
 
     /// Returns the variance of a row's position from noise and rounding.

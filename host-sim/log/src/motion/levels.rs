@@ -54,76 +54,79 @@ pub struct Levels {
     pub jump: f64,
 }
 
+/// A variance that is searched, and its least value.
+struct Searched {
+    of: fn(&mut Levels) -> &mut f64,
+    least: f64,
+}
+
 /// Returns the most likely levels for all series together.
 pub fn likeliest(all: &[Series]) -> Levels {
     let judged = judged(all);
-    let squares = |of: &dyn Fn(&Series) -> Option<Vec<f64>>| {
-        let (mut sum, mut count) = (0.0, 0usize);
-        for value in judged.iter().filter_map(of).flatten() {
-            sum += value * value;
-            count += 1;
-        }
-        sum / count.max(1) as f64
-    };
-    let fourth = |column: Option<&Vec<f64>>| -> Option<Vec<f64>> {
-        column.map(|values| differences(values, 4))
-    };
+    let scale = mean_square_travel(&judged).max(f64::MIN_POSITIVE);
+    let least = MIN_NOISE_VARIANCE * scale;
     // The median of the squares of fourth differences, which contains few reversals.
-    let velocity_scale =
-        squares(&|s| s.velocity.clone().or_else(|| s.position.as_ref().map(|q| differences(q, 1))))
-            .max(f64::MIN_POSITIVE);
-    let start = [
-        (median_square(&judged, |s| fourth(s.position.as_ref())) / FOURTH)
-            .max(MIN_NOISE_VARIANCE * velocity_scale),
-        (median_square(&judged, |s| fourth(s.velocity.as_ref())) / FOURTH)
-            .max(MIN_NOISE_VARIANCE * velocity_scale),
-        1e-6 * velocity_scale,
-    ];
-    let has = [
-        judged.iter().any(|s| s.position.is_some()),
-        judged.iter().any(|s| s.velocity.is_some()),
-        true,
-    ];
-    let floor = [
-        MIN_NOISE_VARIANCE * velocity_scale,
-        MIN_NOISE_VARIANCE * velocity_scale,
-        f64::MIN_POSITIVE,
-    ];
-    let levels =
-        |at: &[f64; 3]| Levels { noise: Noise { position: at[0], velocity: at[1] }, jump: at[2] };
-    let likelihood = |at: &[f64; 3]| -> f64 {
-        let levels = levels(at);
+    let noise = |column: fn(&Series) -> Option<&Vec<f64>>| {
+        let fourth = |s: &Series| column(s).map(|values| differences(values, 4));
+        (median_square(&judged, fourth) / FOURTH).max(least)
+    };
+    let noise = Noise {
+        position: noise(|s| s.position.as_ref()),
+        velocity: noise(|s| s.velocity.as_ref()),
+    };
+    let mut searched = vec![Searched { of: |levels| &mut levels.jump, least: f64::MIN_POSITIVE }];
+    if judged.iter().any(|s| s.velocity.is_some()) {
+        searched.push(Searched { of: |levels| &mut levels.noise.velocity, least });
+    }
+    if judged.iter().any(|s| s.position.is_some()) {
+        searched.push(Searched { of: |levels| &mut levels.noise.position, least });
+    }
+    let likelihood = |levels: &Levels| -> f64 {
         let of = |s: &Series| {
             log_likelihood(s, &levels.noise, &vec![levels.jump; s.len().saturating_sub(1)])
         };
         judged.iter().map(of).sum()
     };
-    let mut at = start;
-    let mut best = likelihood(&at);
+    climb(Levels { noise, jump: 1e-6 * scale }, &searched, likelihood)
+}
+
+/// Returns the mean square of a row's travel, by the velocity or else by the position.
+fn mean_square_travel(all: &[Series]) -> f64 {
+    let travel =
+        |s: &Series| s.velocity.clone().or_else(|| s.position.as_ref().map(|q| differences(q, 1)));
+    let (mut sum, mut count) = (0.0, 0usize);
+    for value in all.iter().filter_map(travel).flatten() {
+        sum += value * value;
+        count += 1;
+    }
+    sum / count.max(1) as f64
+}
+
+/// Multiplies the searched variances by ever smaller factors while that makes the levels more likely.
+fn climb(mut levels: Levels, searched: &[Searched], likelihood: impl Fn(&Levels) -> f64) -> Levels {
+    let mut best = likelihood(&levels);
     let mut step = FIRST_STEP;
     while step > LAST_STEP {
-        let mut moved = false;
-        for index in [2, 1, 0] {
-            if !has[index] {
-                continue;
-            }
+        let before = levels;
+        for Searched { of, least } in searched {
             for factor in [step.exp(), (-step).exp()] {
                 loop {
-                    let mut tried = at;
-                    tried[index] = (at[index] * factor).max(floor[index]);
+                    let mut tried = levels;
+                    let value = of(&mut tried);
+                    *value = (*value * factor).max(*least);
                     let value = likelihood(&tried);
                     if value.is_nan() || value <= best + 1e-3 {
                         break;
                     }
-                    (at, best, moved) = (tried, value, true);
+                    (levels, best) = (tried, value);
                 }
             }
         }
-        if !moved {
+        if levels == before {
             step /= 2.0;
         }
     }
-    levels(&at)
+    levels
 }
 
 /// Returns the standard deviation of the velocities' noise per median step, from the velocities alone.

@@ -41,63 +41,44 @@ const MIN_WINDOW_ROWS: usize = 8;
 /// Maximum length of the window, rows.
 const MAX_WINDOW_ROWS: usize = 120;
 
+/// A column that shows rest.
+#[derive(Clone, Copy)]
+struct RestColumn<'a> {
+    values: &'a [f64],
+    /// Standard deviation of its noise.
+    sigma: f64,
+    is_position: bool,
+}
+
+/// The columns that show rest: a position, a velocity or both.
+struct RestColumns<'a> {
+    columns: Vec<RestColumn<'a>>,
+    has_position: bool,
+    /// Length of the window, rows.
+    window: usize,
+}
+
 /// Finds the rows at rest. `step` is that of a quantised position, `speed` the 95th percentile of the speed, per
 /// median step.
 pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<bool> {
     let rows = series.len();
     let mut found = vec![false; rows];
-    let by_position =
-        series.position.as_ref().map(|q| (q, (noise.position + step * step / 12.0).sqrt()));
-    let by_velocity = series.velocity.as_ref().map(|v| (v, series.velocity_variance(noise).sqrt()));
-    let window = match (by_position, by_velocity) {
-        (Some((_, sigma)), _) => {
-            (MAX_ERRORS * 12f64.sqrt() * sigma / (MAX_REST_SPEED * speed)).powf(2.0 / 3.0)
-        }
-        (None, Some((_, sigma))) => (MAX_ERRORS * sigma / (MAX_REST_SPEED * speed)).powi(2),
-        (None, None) => return found,
-    };
-    let window = (window.ceil().min(1e6) as usize).clamp(MIN_WINDOW_ROWS, MAX_WINDOW_ROWS);
-    if rows < window {
-        return found;
-    }
-    let rests = |from: usize| {
-        let position = by_position.is_none_or(|(q, sigma)| {
-            let shape = Shape::of(&q[from..from + window]);
-            shape.runs(sigma) < MAX_ERRORS
-                && shape.bends(sigma) < MAX_ERRORS
-                && shape.scatter < MAX_SCATTER * sigma
-        });
-        let velocity = by_velocity.is_none_or(|(v, sigma)| {
-            let shape = Shape::of(&v[from..from + window]);
-            if by_position.is_some() {
-                // The position decides; the velocity at rest may have an offset for a while.
-                return shape.mean.abs() < MAX_ERRORS * sigma;
-            }
-            // Its own scatter is used if it is less: a slow steady slide has less noise than a fast one.
-            let mean = shape.mean.abs() * (window as f64).sqrt()
-                / sigma.min(SCATTER_FACTOR * shape.scatter);
-            (mean < MAX_ERRORS || mean.is_nan())
-                && shape.runs(sigma) < MAX_ERRORS
-                && shape.scatter < MAX_SCATTER * sigma
-        });
-        position && velocity
-    };
-    let mut rough: Vec<Range<usize>> = Vec::new();
-    for from in 0..=rows - window {
-        checkpoint_at(from);
-        if rests(from) {
-            match rough.last_mut() {
-                Some(last) if last.end >= from => last.end = from + window,
-                _ => rough.push(from..from + window),
-            }
-        }
-    }
+    let position = series.position.as_ref().map(|values| {
+        let sigma = (noise.position + step * step / 12.0).sqrt();
+        RestColumn { values, sigma, is_position: true }
+    });
+    let velocity = series.velocity.as_ref().map(|values| {
+        let sigma = series.velocity_variance(noise).sqrt();
+        RestColumn { values, sigma, is_position: false }
+    });
+    let columns = position.into_iter().chain(velocity).collect();
+    let Some(columns) = RestColumns::new(columns, speed) else { return found };
+    let rough = columns.rough_rests(rows);
     for (index, rest) in rough.iter().enumerate() {
         let before = if index > 0 { rough[index - 1].end } else { 0 };
         let after = rough.get(index + 1).map_or(rows, |next| next.start);
-        let columns = [(by_position, true), (by_velocity, false)];
-        let seen = Rest { columns, rest: rest.clone(), window };
-        if by_position.is_some() && seen.is_a_turn(rows) {
+        let seen = Rest { of: &columns, rest: rest.clone() };
+        if columns.has_position && seen.is_a_turn(rows) {
             continue;
         }
         let end = if rest.end == rows { rows } else { seen.end(after) };
@@ -108,12 +89,57 @@ pub fn at_rest(series: &Series, noise: &Noise, step: f64, speed: f64) -> Vec<boo
             found[start..end].fill(true);
         }
     }
-    if let (None, Some((v, _))) = (by_position, by_velocity)
-        && creeps(v, &found)
-    {
+    if !columns.has_position && creeps(columns.columns[0].values, &found) {
         found.fill(false);
     }
     found
+}
+
+impl<'a> RestColumns<'a> {
+    /// Returns the columns with the length of their window; `None` without a column.
+    fn new(columns: Vec<RestColumn<'a>>, speed: f64) -> Option<Self> {
+        let RestColumn { sigma, is_position, .. } = *columns.first()?;
+        let slow = MAX_REST_SPEED * speed;
+        let window = match is_position {
+            true => (MAX_ERRORS * 12f64.sqrt() * sigma / slow).powf(2.0 / 3.0),
+            false => (MAX_ERRORS * sigma / slow).powi(2),
+        };
+        let window = (window.ceil().min(1e6) as usize).clamp(MIN_WINDOW_ROWS, MAX_WINDOW_ROWS);
+        Some(Self { columns, has_position: is_position, window })
+    }
+
+    /// Returns the rows in windows at rest.
+    fn rough_rests(&self, rows: usize) -> Vec<Range<usize>> {
+        let mut rough: Vec<Range<usize>> = Vec::new();
+        for from in 0..(rows + 1).saturating_sub(self.window) {
+            checkpoint_at(from);
+            if self.columns.iter().all(|column| self.rests(column, from)) {
+                match rough.last_mut() {
+                    Some(last) if last.end >= from => last.end = from + self.window,
+                    _ => rough.push(from..from + self.window),
+                }
+            }
+        }
+        rough
+    }
+
+    /// Returns true if a column shows rest in the window that begins at a row.
+    fn rests(&self, column: &RestColumn, from: usize) -> bool {
+        let sigma = column.sigma;
+        let shape = Shape::of(&column.values[from..from + self.window]);
+        let is_straight = shape.runs(sigma) < MAX_ERRORS && shape.scatter < MAX_SCATTER * sigma;
+        if column.is_position {
+            return is_straight && shape.bends(sigma) < MAX_ERRORS;
+        }
+        if self.has_position {
+            // The position decides; the velocity at rest may have an offset for a while.
+            return shape.mean.abs() < MAX_ERRORS * sigma;
+        }
+        // Its own scatter is used if it is less: a slow steady slide has less noise than a fast one.
+        let mean = shape.mean.abs() * (self.window as f64).sqrt()
+            / sigma.min(SCATTER_FACTOR * shape.scatter);
+        (mean < MAX_ERRORS || mean.is_nan()) && is_straight
+    }
 }
 
 /// Returns true if the rows at rest move in one direction on average. Then they are a slow slide, of which each window
@@ -125,32 +151,30 @@ fn creeps(velocity: &[f64], at_rest: &[bool]) -> bool {
     count > 0.0 && sum * sum > MAX_ERRORS * MAX_ERRORS * squares
 }
 
-/// A column with the standard deviation of its noise, if there is one.
-type WithNoise<'a> = Option<(&'a Vec<f64>, f64)>;
-
-/// A rest with the columns that show it; `true` marks a position.
+/// A rest with the columns that show it.
 struct Rest<'a> {
-    columns: [(WithNoise<'a>, bool); 2],
+    of: &'a RestColumns<'a>,
     rest: Range<usize>,
-    window: usize,
 }
 
 impl Rest<'_> {
     /// Returns the first row after the rest. Rows from `limit` belong to another rest.
     fn end(&self, limit: usize) -> usize {
         let Range { start, end } = self.rest;
-        let first = (start + 1).max(end.saturating_sub(2 * self.window));
-        let last = (end + self.window).min(limit);
-        let candidates = first..(end + self.window / 2).min(last.saturating_sub(2)).max(first + 1);
+        let first = (start + 1).max(end.saturating_sub(2 * self.of.window));
+        let last = (end + self.of.window).min(limit);
+        let candidates =
+            first..(end + self.of.window / 2).min(last.saturating_sub(2)).max(first + 1);
         self.best(candidates, |at, by| (by > 0 && at + by < last).then(|| at + by), last - first)
     }
 
     /// Returns the first row of the rest.
     fn start(&self, limit: usize) -> usize {
         let Range { start, end } = self.rest;
-        let last = (end - 1).min(start + 2 * self.window);
-        let first = start.saturating_sub(self.window).max(limit);
-        let candidates = start.saturating_sub(self.window / 2).max(first + 2).min(last)..last + 1;
+        let last = (end - 1).min(start + 2 * self.of.window);
+        let first = start.saturating_sub(self.of.window).max(limit);
+        let candidates =
+            start.saturating_sub(self.of.window / 2).max(first + 2).min(last)..last + 1;
         let back = |at: usize, by: usize| (at >= first + by).then(|| at - by);
         // Counted from the last row: in reverse a stop is a start.
         self.best(candidates, |at, by| if by > 0 { back(at, by) } else { None }, last - first)
@@ -169,8 +193,7 @@ impl Rest<'_> {
         for at in candidates {
             for power in [1, 2, 3] {
                 let (mut product, mut square) = (0.0, 0.0);
-                for (column, is_position) in &self.columns {
-                    let Some((values, sigma)) = column else { continue };
+                for RestColumn { values, sigma, is_position } in &self.of.columns {
                     let level = if *is_position { self.level(values, middle) } else { 0.0 };
                     for by in 1..=most {
                         let Some(row) = row(at, by) else { break };
@@ -198,8 +221,7 @@ impl Rest<'_> {
     fn is_a_turn(&self, rows: usize) -> bool {
         let half = (self.rest.end - self.rest.start).div_ceil(2);
         let (from, to) = (self.rest.start.saturating_sub(half), (self.rest.end + half).min(rows));
-        self.columns.iter().all(|(column, is_position)| {
-            let Some((values, sigma)) = column else { return true };
+        self.of.columns.iter().all(|RestColumn { values, sigma, is_position }| {
             let degree = if *is_position { 3 } else { 2 };
             left_by_polynomial(&values[from..to], degree) < MAX_REVERSAL_RESIDUAL * sigma
         })
@@ -207,8 +229,7 @@ impl Rest<'_> {
 
     /// Returns true if a row is too far from the level to be at rest.
     fn is_off(&self, row: usize, middle: usize) -> bool {
-        self.columns.iter().any(|(column, is_position)| {
-            let Some((values, sigma)) = column else { return false };
+        self.of.columns.iter().any(|RestColumn { values, sigma, is_position }| {
             let level = if *is_position { self.level(values, middle) } else { 0.0 };
             (values[row] - level).abs() > MAX_LEVEL_DISTANCE * sigma
         })
@@ -241,7 +262,6 @@ struct Shape {
     slope: f64,
     bend: f64,
     scatter: f64,
-    count: f64,
 }
 
 impl Shape {
@@ -262,20 +282,20 @@ impl Shape {
             squares += value * value;
         }
         mean /= count;
-        let (slope_norm, bend_norm) = norms(count);
+        // The squared norms of both polynomials.
+        let (slope_norm, bend_norm) =
+            (count * square, count * square * (count * count - 4.0) / 15.0);
         let left = squares - count * mean * mean;
         Self {
             mean: mean + origin,
             slope: slope / slope_norm.sqrt(),
             bend: bend / bend_norm.sqrt(),
             scatter: (left.max(0.0) / count).sqrt(),
-            count,
         }
     }
 
     /// Returns the slope in standard errors.
     fn runs(&self, sigma: f64) -> f64 {
-        debug_assert!(self.count > 0.0);
         self.slope.abs() / sigma
     }
 
@@ -308,10 +328,4 @@ fn left_by_polynomial(values: &[f64], degree: usize) -> f64 {
     }
     (left.iter().map(|v| v * v).sum::<f64>() / count.saturating_sub(degree + 1).max(1) as f64)
         .sqrt()
-}
-
-/// Returns the squared norms of the linear and the quadratic orthogonal polynomial on `count` even points.
-fn norms(count: f64) -> (f64, f64) {
-    let n2 = count * count;
-    (count * (n2 - 1.0) / 12.0, count * (n2 - 1.0) * (n2 - 4.0) / 180.0)
 }

@@ -14,6 +14,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::format::{Input, LogFormat};
+use crate::contract::{self, RUN, TIME};
 use crate::dataset::LeftOutColumn;
 use crate::error::{DataError, listed};
 use crate::log_table::{LogTable, TableRows};
@@ -21,10 +22,9 @@ use crate::plan::Request;
 use crate::preset::Preset;
 use crate::setting::Setting;
 use can_file::{CanFile, OtherLines};
-use compensator_core::can::JointKind;
 use compensator_core::quantity::Quantity;
 use drive_trace::DriveTrace;
-use joint_trace::{Summary, TextFormat, TraceSample};
+use joint_trace::{JointOnBus, Summary, TextFormat, TraceSample};
 
 /// The text formats of `candump`, with `-L` or its default view, and of the tools of Vector and PEAK.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_trace, read };
@@ -89,7 +89,6 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let Input { request, file, head, size } = input;
     let Request { path, options, progress, .. } = request;
     let mut file = CanFile::new(path, file, head);
-    let max_share = options.max_bad_share;
     let first_half = |bytes| progress(bytes / 2);
     let asked = options.preset.filter(|preset| drive_trace::protocol(*preset).is_some());
     // A rate is that of the SYNC. The frames of other drives have no common one.
@@ -105,6 +104,7 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
             ),
         ));
     }
+    let max_share = options.max_bad_share;
     if let Some(preset) = asked {
         return match DriveTrace::find(&mut file, preset, max_share, &first_half)? {
             Some(trace) => trace.read(request),
@@ -123,19 +123,28 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
         }
         overview => overview?,
     };
-    let kind = overview.summary.kind;
+    let second_half = |bytes| progress((size + bytes) / 2);
+    read_samples(request, &mut file, overview, &second_half)
+}
+
+/// Reads the samples of a log as rows.
+fn read_samples(
+    request: Request,
+    file: &mut CanFile,
+    overview: TraceOverview,
+    progress: &dyn Fn(u64),
+) -> Result<LogTable<'static>, DataError> {
+    let (path, kind) = (request.path, overview.summary.kind);
     let name = |column: &TraceColumn| match column {
-        TraceColumn::Run => "run",
-        TraceColumn::Time => "time_s",
+        TraceColumn::Run => RUN,
+        TraceColumn::Time => TIME,
         TraceColumn::Measured(quantity) => quantity.name(kind),
-        TraceColumn::JointPosition if kind == JointKind::Prismatic => "joint_position_m",
-        TraceColumn::JointPosition => "joint_position_rad",
+        TraceColumn::JointPosition => contract::joint_position(kind),
     };
     let columns = &overview.columns;
     let names: Vec<String> = columns.iter().map(|column| name(column).to_owned()).collect();
     let mut table = TableRows::new(path, request.plan(names.into())?);
-    let second_half = |bytes| progress((size + bytes) / 2);
-    file.each_sample(&second_half, |sample| {
+    file.each_sample(progress, |sample| {
         // Signed: the clock may have been set back. Dividing gives the nearest number to 0.001 for a millisecond;
         // multiplying by 1e-9 would not.
         let since_ns = i128::from(sample.time_ns) - i128::from(overview.origin_ns);
@@ -199,7 +208,7 @@ fn scan(
     let wrong = |found: String, expected: &str| Err(DataError::file(path, found, expected));
     if !summary.others.is_empty() {
         let all = summary.joint.iter().chain(&summary.others);
-        let all: Vec<String> = all.map(|(bus, node)| format!("{node} on {bus}")).collect();
+        let all: Vec<String> = all.map(JointOnBus::to_string).collect();
         let found = format!("inputs of the joints {}", listed(&all));
         return wrong(found, "those of one joint: cut its frames and the SYNC out with grep");
     }

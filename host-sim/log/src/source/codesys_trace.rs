@@ -3,6 +3,7 @@
 //! Lines `key; value` describe the trace. Each variable has a number: `0.Variable; PLC_PRG.velocity`. After its line
 //! `0.Data;` come its samples, one a line: `; time in ms; value`. The samples of all variables are joined by their times.
 
+use super::encoding::without_mark;
 use super::format::{Input, LogFormat};
 use super::lines::LineFile;
 use crate::contract::TIME;
@@ -19,7 +20,7 @@ const FIRST_LINE: &[u8] = b"[key]; [value]";
 pub(super) const FORMAT: LogFormat = LogFormat { matches: is_trace, read };
 
 fn is_trace(head: &[u8]) -> bool {
-    head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).starts_with(FIRST_LINE)
+    without_mark(head).starts_with(FIRST_LINE)
 }
 
 /// The samples of a variable.

@@ -14,7 +14,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::channel_clocks::ChannelClocks;
-use super::encoding::encoding;
+use super::encoding::{encoding, without_mark};
 use super::format::{HEAD_BYTES, Input, LogFormat};
 use super::line::{cells, separator};
 use super::number_style::NumberStyle;
@@ -65,9 +65,6 @@ impl NumberFormat {
 /// Tables as text. Every text matches, so this format is tried last.
 pub(super) const FORMAT: LogFormat = LogFormat { matches: |_| true, read };
 
-/// The byte order mark of UTF-8, which some programs write first.
-const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
-
 fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     let Input { request, mut file, head, size } = input;
     let io = |source| DataError::Io { file: request.path.into(), source };
@@ -107,10 +104,9 @@ pub(super) fn read_bytes(request: Request, bytes: &[u8]) -> Result<LogTable<'sta
 
 /// Returns what precedes the rows of a text, which may begin with a byte order mark.
 fn preamble_after_mark(head: &[u8], options: &ReadOptions) -> Preamble {
-    let mark = if head.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-    let mut before = find_preamble(&head[mark..], options.skip_lines);
-    before.start += mark;
-    before
+    let text = without_mark(head);
+    let before = find_preamble(text, options.skip_lines);
+    Preamble { start: before.start + head.len() - text.len(), ..before }
 }
 
 /// Converts an error of the `csv` crate.
@@ -218,23 +214,16 @@ impl TextTable<'_> {
         mut records: RecordReader<R>,
         format: &NumberFormat,
     ) -> Result<LogTable<'static>, DataError> {
-        let Request { path, options, progress, .. } = self.request;
+        let Request { path, progress, .. } = self.request;
         let failed = |error: csv::Error| csv_error(path, error);
         let names = self.names(&mut records, format).map_err(failed)?;
         let width = names.names.len();
-        let clocks = ChannelClocks::find(&names, options);
-        let merged = clocks.as_ref().map(|clocks| clocks.names(&names));
-        let mut plan = self.request.plan(merged.unwrap_or_else(|| names.clone()))?;
-        if let Some(line) = &self.before.units {
-            let units = cells(line, self.separator());
-            let cells = clocks.as_ref().map_or(units.clone(), |clocks| clocks.cells(&units));
-            plan.take_units(path, &cells, "above")?;
-        }
+        let clocks = ChannelClocks::find(&names, self.request.options);
+        let mut plan = self.plan(&names, clocks.as_ref())?;
         let mut has_record = names.is_numbered || records.advance().map_err(failed)?;
         if has_record && records.record.len() == width {
             let row: Vec<&[u8]> = records.record.iter().map(<[u8]>::trim_ascii).collect();
-            let cells = clocks.as_ref().map_or(row.clone(), |clocks| clocks.cells(&row));
-            if plan.take_units(path, &cells, "below")? {
+            if plan.take_units(path, &merged(row, clocks.as_ref()), "below")? {
                 has_record = records.advance().map_err(failed)?;
             }
         }
@@ -277,6 +266,18 @@ impl TextTable<'_> {
         Ok(table)
     }
 
+    /// Decides what is read of the columns, in the units above the header.
+    fn plan(&self, names: &ColumnNames, clocks: Option<&ChannelClocks>) -> Result<Plan, DataError> {
+        let mut plan = self
+            .request
+            .plan(clocks.map_or_else(|| names.clone(), |clocks| clocks.names(names)))?;
+        if let Some(line) = &self.before.units {
+            let units = merged(cells(line, self.separator()), clocks);
+            plan.take_units(self.request.path, &units, "above")?;
+        }
+        Ok(plan)
+    }
+
     /// Returns true for the line that ends an export of TwinCAT Scope.
     fn is_end_mark(&self, record: &csv::ByteRecord, has_clocks: bool) -> bool {
         (has_clocks || self.before.columns.is_some()) && record.as_slice().trim_ascii() == b"EOF"
@@ -304,6 +305,14 @@ impl TextTable<'_> {
         }
         let file = self.request.path.display();
         notes.into_iter().map(|note| format!("{file}: {note}")).collect()
+    }
+}
+
+/// Returns the cells of a row; of a table whose channels have clocks of their own, those of the merged table.
+fn merged<'a>(row: Vec<&'a [u8]>, clocks: Option<&ChannelClocks>) -> Vec<&'a [u8]> {
+    match clocks {
+        Some(clocks) => clocks.cells(&row),
+        None => row,
     }
 }
 

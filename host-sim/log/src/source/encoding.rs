@@ -6,6 +6,14 @@ use encoding_rs::{Encoding, UTF_16BE, UTF_16LE, WINDOWS_1252};
 /// Bytes that are no characters of Windows-1252, and 0 of binary files.
 const NO_CHARACTERS: [u8; 6] = [0, 0x81, 0x8d, 0x8f, 0x90, 0x9d];
 
+/// The byte order mark of UTF-8, which some programs write first.
+const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
+
+/// Returns a text without the byte order mark of UTF-8.
+pub(super) fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text)
+}
+
 /// Returns the encoding of a text that begins with `head`; `None` if it is UTF-8 or no text. A byte order mark identifies UTF-16,
 /// or a 0 in every other of the first bytes.
 pub(super) fn encoding(head: &[u8]) -> Option<&'static Encoding> {

@@ -5,6 +5,7 @@
 //! contract or `--columns` names are then kept, and an object without any of them is no row. The file is read twice:
 //! first for the columns, then for the rows.
 
+use super::encoding::without_mark;
 use super::format::{Input, LogFormat};
 use super::lines::LineFile;
 use crate::error::{DataError, quoted};
@@ -25,7 +26,7 @@ pub(super) const FORMAT: LogFormat = LogFormat { matches: is_json_lines, read };
 
 /// Returns true if the first line is an object, or the start of a long one.
 fn is_json_lines(head: &[u8]) -> bool {
-    let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head).trim_ascii_start();
+    let text = without_mark(head).trim_ascii_start();
     let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let is_whole = line.len() < text.len() || head.len() < super::format::HEAD_BYTES as usize;
     text.starts_with(b"{") && (parse(line).is_some() || !is_whole)
@@ -63,24 +64,68 @@ pub(super) fn without_nan(text: &str) -> String {
     out
 }
 
+/// How the elements of a list are named.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum ListNames {
+    /// By their places: `q[1]`.
+    Places,
+    /// By the joints in the list `name` beside it, if it has as many: `position[elbow]`.
+    Joints,
+}
+
 /// Calls `add` with the name and value of each field that is not an object or a list.
-fn each_field(name: &str, value: &Value, depth: usize, add: &mut dyn FnMut(&str, &Value)) {
+pub(super) fn each_field(
+    name: &str,
+    value: &Value,
+    depth: usize,
+    lists: ListNames,
+    add: &mut dyn FnMut(&str, &Value),
+) {
     if depth > MAX_FIELD_DEPTH {
         return;
     }
     match value {
         Value::Object(fields) => {
+            let joints = fields.get("name").and_then(Value::as_array);
+            let joints = joints.filter(|_| lists == ListNames::Joints);
             for (field, value) in fields {
                 let name = if name.is_empty() { field.clone() } else { format!("{name}.{field}") };
-                each_field(&name, value, depth + 1, add);
+                match (joints, value.as_array()) {
+                    (Some(joints), Some(list)) if joints.len() == list.len() => {
+                        for (joint, value) in joints.iter().zip(list) {
+                            let joint = joint.as_str().unwrap_or_default();
+                            each_field(&format!("{name}[{joint}]"), value, depth + 1, lists, add);
+                        }
+                    }
+                    _ => each_field(&name, value, depth + 1, lists, add),
+                }
             }
         }
         Value::Array(elements) => {
             for (at, value) in elements.iter().enumerate() {
-                each_field(&format!("{name}[{at}]"), value, depth + 1, add);
+                each_field(&format!("{name}[{at}]"), value, depth + 1, lists, add);
             }
         }
         value => add(name, value),
+    }
+}
+
+/// The names of fields in the order of their first occurrence.
+#[derive(Default)]
+pub(super) struct FieldNames {
+    pub names: Vec<String>,
+    places: HashMap<String, usize>,
+}
+
+impl FieldNames {
+    /// Returns the place of a name, which it adds if it is new.
+    pub fn place(&mut self, name: &str) -> usize {
+        if let Some(place) = self.places.get(name) {
+            return *place;
+        }
+        self.places.insert(name.to_owned(), self.names.len());
+        self.names.push(name.to_owned());
+        self.names.len() - 1
     }
 }
 
@@ -102,32 +147,31 @@ fn text(value: Option<&Value>) -> Cow<'_, [u8]> {
     }
 }
 
-/// The columns of a file.
-#[derive(Default)]
-struct Columns {
-    names: Vec<String>,
-    by_name: HashMap<String, usize>,
-    /// Fewest fields of an object.
-    fewest: usize,
-}
-
-fn read(input: Input) -> Result<LogTable<'static>, DataError> {
-    let Request { path, progress, .. } = input.request;
-    let mut columns = Columns { fewest: usize::MAX, ..Columns::default() };
-    each_line(&input, &|bytes| progress(bytes / 2), |_, line| {
+/// Returns the fields of all objects, and the smallest number of fields of an object.
+fn fields(input: &Input) -> Result<(FieldNames, usize), DataError> {
+    let (mut columns, mut fewest) = (FieldNames::default(), usize::MAX);
+    each_line(input, &|bytes| (input.request.progress)(bytes / 2), |_, line| {
         if let Some(object) = parse(line) {
-            columns.add(&object);
+            let mut fields = 0;
+            each_field("", &object, 0, ListNames::Places, &mut |name, _| {
+                fields += 1;
+                columns.place(name);
+            });
+            fewest = fewest.min(fields);
         }
         if columns.names.len() <= MAX_COLUMNS {
             return Ok(());
         }
-        Err(DataError::file(
-            path,
-            format!("more than {MAX_COLUMNS} fields"),
-            "objects with the same fields",
-        ))
+        let found = format!("more than {MAX_COLUMNS} fields");
+        Err(DataError::file(input.request.path, found, "objects with the same fields"))
     })?;
-    let Columns { names, by_name, fewest } = columns;
+    Ok((columns, fewest))
+}
+
+fn read(input: Input) -> Result<LogTable<'static>, DataError> {
+    let Request { path, progress, .. } = input.request;
+    let (mut columns, fewest) = fields(&input)?;
+    let names = columns.names.clone();
     let count = names.len();
     let has_channels = fewest < count;
     let plan = match has_channels {
@@ -145,9 +189,9 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
             return Ok(());
         };
         values.fill(None);
-        each_field("", &object, 0, &mut |name, value| {
-            if let Some(at) = by_name.get(name) {
-                values[*at] = Some(value.clone());
+        each_field("", &object, 0, ListNames::Places, &mut |name, value| {
+            if let Some(place) = values.get_mut(columns.place(name)) {
+                *place = Some(value.clone());
             }
         });
         let has_values = values.iter().zip(&is_measured).any(|(value, of)| *of && value.is_some());
@@ -172,20 +216,6 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
     Ok(table)
 }
 
-impl Columns {
-    fn add(&mut self, object: &Value) {
-        let mut fields = 0;
-        each_field("", object, 0, &mut |name, _| {
-            fields += 1;
-            if !self.by_name.contains_key(name) {
-                self.by_name.insert(name.to_owned(), self.names.len());
-                self.names.push(name.to_owned());
-            }
-        });
-        self.fewest = self.fewest.min(fields);
-    }
-}
-
 /// Calls `add` with the number and text of each line that is not blank.
 fn each_line(
     input: &Input,
@@ -194,7 +224,7 @@ fn each_line(
 ) -> Result<(), DataError> {
     let (path, file, max_bytes) = (input.request.path, &input.file, u64::MAX);
     LineFile { path, file, max_bytes }.each_line(progress, |number, line| {
-        let text = line.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(line).trim_ascii();
+        let text = without_mark(line).trim_ascii();
         if text.is_empty() { Ok(()) } else { add(number, text) }
     })
 }
@@ -208,7 +238,9 @@ mod tests {
         let object =
             parse(br#"{"t": 1, "data": {"q": [0.5, NaN], "note": "NaN \" NaN"}}"#).unwrap();
         let mut fields = Vec::new();
-        each_field("", &object, 0, &mut |name, value| fields.push(format!("{name}={value}")));
+        each_field("", &object, 0, ListNames::Places, &mut |name, value| {
+            fields.push(format!("{name}={value}"));
+        });
         let expected = ["t=1", "data.q[0]=0.5", "data.q[1]=null", r#"data.note="NaN \" NaN""#];
         assert_eq!(fields, expected);
     }

@@ -8,6 +8,7 @@
 
 use super::cdr::Definition;
 use super::format::{Input, LogFormat, is_mcap};
+use super::json_lines::{FieldNames, ListNames, each_field};
 use crate::contract;
 use crate::error::{DataError, one_line};
 use crate::log_table::{LogTable, TableRows};
@@ -23,9 +24,6 @@ pub(super) const FORMAT: LogFormat = LogFormat { matches: is_mcap, read };
 
 /// Name of the time column, as in the plain-text logs of ROS: nanoseconds.
 const TIME: &str = "%time";
-
-/// Maximum nesting of a field. Deeper fields do not describe a joint.
-const MAX_FIELD_DEPTH: usize = 16;
 
 /// The numbers of a message.
 struct MessageRow {
@@ -51,8 +49,7 @@ impl MessageRow {
 /// The messages of a file as a table.
 #[derive(Default)]
 struct MessageTable {
-    names: Vec<String>,
-    by_name: HashMap<String, usize>,
+    fields: FieldNames,
     rows: Vec<MessageRow>,
     definitions: HashMap<u16, Definition>,
     /// Number of messages that are damaged or in an unsupported encoding.
@@ -72,15 +69,16 @@ fn read(input: Input) -> Result<LogTable<'static>, DataError> {
             "an intact MCAP file, uncompressed or compressed with zstd or lz4",
         )
     };
-    let mut table = MessageTable { names: vec![TIME.into()], ..MessageTable::default() };
+    let mut table = MessageTable::default();
+    table.fields.place(TIME);
     for message in MessageStream::new(&bytes).map_err(failed)? {
         table.add_message(&message.map_err(failed)?);
     }
     drop(bytes);
     (request.progress)(size);
-    let MessageTable { names, mut rows, ignored, .. } = table;
+    let MessageTable { fields, mut rows, ignored, .. } = table;
     rows.sort_by_key(|row| row.time_ns);
-    let plan = request.plan_named(names, 1)?;
+    let plan = request.plan_named(fields.names, 1)?;
     let needs = plan.needs.clone();
     let mut table = TableRows::new(path, plan);
     for (number, row) in rows.into_iter().enumerate() {
@@ -119,63 +117,16 @@ impl MessageTable {
         };
         let time_ns = header_stamp_ns(&value).unwrap_or_else(|| i128::from(message.log_time));
         let mut row = MessageRow { time_ns, values: Vec::new() };
-        self.flatten(&channel.topic, "", &value, &mut row, 0);
+        each_field("", &value, 0, ListNames::Joints, &mut |path, value| {
+            let Some(value) = value.as_f64() else { return };
+            let is_contract = contract::names().any(|name| name == path && name != contract::TIME);
+            let column = match is_contract {
+                true => self.fields.place(path),
+                false => self.fields.place(&format!("{}.{path}", channel.topic)),
+            };
+            row.values.push((column, value));
+        });
         self.rows.push(row);
-    }
-
-    /// Adds the numbers of a value to the row, each under its path.
-    fn flatten(
-        &mut self,
-        topic: &str,
-        path: &str,
-        value: &Value,
-        row: &mut MessageRow,
-        depth: usize,
-    ) {
-        match value {
-            _ if depth > MAX_FIELD_DEPTH => {}
-            Value::Number(number) => {
-                row.values.extend(number.as_f64().map(|value| (self.column(topic, path), value)));
-            }
-            Value::Object(fields) => {
-                let names: Vec<&str> = fields
-                    .get("name")
-                    .and_then(Value::as_array)
-                    .map(|names| names.iter().filter_map(Value::as_str).collect())
-                    .unwrap_or_default();
-                for (field, value) in fields {
-                    let path =
-                        if path.is_empty() { field.clone() } else { format!("{path}.{field}") };
-                    match value {
-                        Value::Array(list) => {
-                            for (at, value) in list.iter().enumerate() {
-                                let named = names.get(at).filter(|_| names.len() == list.len());
-                                let path = match named {
-                                    Some(name) => format!("{path}[{name}]"),
-                                    None => format!("{path}[{at}]"),
-                                };
-                                self.flatten(topic, &path, value, row, depth + 1);
-                            }
-                        }
-                        value => self.flatten(topic, &path, value, row, depth + 1),
-                    }
-                }
-            }
-            _ => {}
-        }
-    }
-
-    /// Returns the column of a field, which it adds if it is new.
-    fn column(&mut self, topic: &str, path: &str) -> usize {
-        let is_contract = contract::names().any(|name| name == path && name != contract::TIME);
-        let name = if is_contract { path.to_owned() } else { format!("{topic}.{path}") };
-        if let Some(at) = self.by_name.get(&name) {
-            return *at;
-        }
-        let at = self.names.len();
-        self.names.push(name.clone());
-        self.by_name.insert(name, at);
-        at
     }
 }
 

@@ -1,5 +1,6 @@
 //! Detection of files that are often given as logs but are not supported, with the command that converts each.
 
+use super::encoding::without_mark;
 use super::json_document;
 use super::sysid::is_sysid;
 
@@ -112,7 +113,7 @@ const TAR: (usize, &[u8]) = (257, b"ustar");
 
 /// Returns what a file that begins with `head` is, and what is expected; `None` if it may be a log.
 pub(super) fn recognise(head: &[u8]) -> Option<(&'static str, String)> {
-    let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
+    let text = without_mark(head);
     let of_json = || {
         let command = json_document::command(text).filter(|_| !is_sysid(text))?;
         Some(("a JSON document", command))
@@ -131,7 +132,7 @@ fn by_first_bytes(head: &[u8]) -> Option<Refusal> {
     if let Some((_, refusal)) = KNOWN.iter().find(|(magic, _)| head.starts_with(magic)) {
         return Some(*refusal);
     }
-    let text = head.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(head);
+    let text = without_mark(head);
     if text.trim_ascii().is_empty() {
         Some(("an empty file", "a header and a row per sample"))
     } else if let Some(tool) = xml_tool(text) {

@@ -208,8 +208,7 @@ fn is_all_units(line: &[u8]) -> bool {
 
 /// Returns true if a cell holds a unit, perhaps in brackets.
 fn is_unit(cell: &&[u8]) -> bool {
-    let text = String::from_utf8_lossy(cell);
-    unit::is_symbol(text.trim_matches(['[', ']', '(', ')', ' ']))
+    unit::is_symbol(&unit::in_cell(cell))
 }
 
 /// Finds the comments above a table.

@@ -1,5 +1,7 @@
 //! Reading of Arrow IPC files and streams, and of damaged ones.
 
+use super::data_garbage::read_damaged;
+use super::folder::Folder;
 use super::message;
 use arrow_array::types::Int8Type;
 use arrow_array::{
@@ -8,19 +10,10 @@ use arrow_array::{
 };
 use arrow_ipc::CompressionType;
 use arrow_ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
-use joint_log::{Dataset, ReadOptions, read};
+use joint_log::{ReadOptions, read};
 use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// A file that is deleted when dropped.
-struct Temporary(PathBuf);
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
-    }
-}
 
 const ROWS: usize = 30;
 
@@ -54,8 +47,8 @@ fn batch(run: usize) -> RecordBatch {
     RecordBatch::try_from_iter(columns).unwrap()
 }
 
-fn write(name: &str, is_stream: bool, compression: Option<CompressionType>) -> Temporary {
-    let path = std::env::temp_dir().join(format!("{name}-{}.arrow", std::process::id()));
+fn write(folder: &Folder, is_stream: bool, compression: Option<CompressionType>) -> PathBuf {
+    let path = folder.0.join("log.arrow");
     let file = fs::File::create(&path).unwrap();
     let options = IpcWriteOptions::default().try_with_compression(compression).unwrap();
     let schema = batch(0).schema();
@@ -69,23 +62,16 @@ fn write(name: &str, is_stream: bool, compression: Option<CompressionType>) -> T
         writer.write(&batch(0)).unwrap();
         writer.finish().unwrap();
     }
-    Temporary(path)
-}
-
-fn read_one(file: &Temporary) -> Result<Dataset, String> {
-    read(std::slice::from_ref(&file.0), &ReadOptions::default(), &|_, _| {})
-        .map_err(|e| e.to_string())
+    path
 }
 
 #[test]
 fn read_with_arrow_of_each_compression_returns_rows() {
-    for (at, compression) in [None, Some(CompressionType::LZ4_FRAME), Some(CompressionType::ZSTD)]
-        .into_iter()
-        .enumerate()
-    {
+    let folder = Folder::new();
+    for compression in [None, Some(CompressionType::LZ4_FRAME), Some(CompressionType::ZSTD)] {
         for is_stream in [false, true] {
-            let data = read_one(&write(&format!("table-{at}-{is_stream}"), is_stream, compression))
-                .unwrap();
+            let path = write(&folder, is_stream, compression);
+            let data = read(&[path], &ReadOptions::default(), &|_, _| {}).unwrap();
             let runs = 1 + usize::from(is_stream);
             assert_eq!((data.runs.len(), data.rows), (runs, runs * ROWS - 1));
             let bad = &data.bad_rows.first[0];
@@ -114,46 +100,23 @@ fn read_with_integer_stamps_of_arrow_keeps_all_digits() {
         ("torque_nm", numbers(0.5)),
     ];
     let batch = RecordBatch::try_from_iter(columns).unwrap();
-    let path = std::env::temp_dir().join(format!("stamps-{}.arrow", std::process::id()));
+    let folder = Folder::new();
+    let path = folder.0.join("log.arrow");
     let mut writer =
         FileWriter::try_new(fs::File::create(&path).unwrap(), &batch.schema()).unwrap();
     writer.write(&batch).unwrap();
     writer.finish().unwrap();
-    let file = Temporary(path);
     let columns = vec![("time_s".to_owned(), "stamp:ns".to_owned())];
     let options = ReadOptions { columns, ..ReadOptions::default() };
-    let data = read(std::slice::from_ref(&file.0), &options, &|_, _| {}).unwrap();
+    let data = read(&[path], &options, &|_, _| {}).unwrap();
     assert_eq!(data.runs[0].time_s[..3], [0.0, 1e-6, 2e-6]);
 }
 
 #[test]
 fn read_with_damaged_arrow_returns_error_without_panic() {
+    let folder = Folder::new();
     for is_stream in [false, true] {
-        let good = write(&format!("good-{is_stream}"), is_stream, Some(CompressionType::ZSTD));
-        let bytes = fs::read(&good.0).unwrap();
-        let path = Temporary(good.0.with_extension("damaged"));
-        let mut state = 7_u64;
-        let mut random = |below: usize| {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as usize % below
-        };
-        for round in 0..500 {
-            let mut bytes = bytes.clone();
-            for _ in 0..=random(4) {
-                let at = random(bytes.len());
-                bytes[at] = random(256) as u8;
-            }
-            if round % 10 == 9 {
-                bytes.truncate(8 + random(bytes.len() - 8));
-            }
-            let mark = if is_stream { &[0xff; 4][..] } else { b"ARROW1" };
-            bytes[..mark.len()].copy_from_slice(mark);
-            fs::write(&path.0, &bytes).unwrap();
-            if let Err(error) = read_one(&path) {
-                assert!(!error.contains('\n'), "{error}");
-            }
-        }
+        let mark = if is_stream { &[0xff; 4][..] } else { b"ARROW1" };
+        read_damaged(&write(&folder, is_stream, Some(CompressionType::ZSTD)), mark);
     }
 }

@@ -7,6 +7,8 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::data_garbage::read_damaged;
+use super::folder::Folder;
 use super::message;
 use joint_log::{Dataset, JointKind, ReadOptions, read};
 use parquet::basic::{BrotliLevel, Compression, ZstdLevel};
@@ -29,15 +31,6 @@ const SCHEMA: &str = "message log {
     OPTIONAL INT64 when (TIME(MICROS,true));
 }";
 
-/// A file that is deleted when dropped.
-struct Temporary(PathBuf);
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
-    }
-}
-
 fn column<T: DataType>(group: &mut SerializedRowGroupWriter<'_, fs::File>, cells: &[Option<T::T>]) {
     let mut column = group.next_column().unwrap().unwrap();
     let there: Vec<T::T> = cells.iter().flatten().cloned().collect();
@@ -46,26 +39,25 @@ fn column<T: DataType>(group: &mut SerializedRowGroupWriter<'_, fs::File>, cells
     column.close().unwrap();
 }
 
-/// Writes `groups` row groups of `rows` rows, one run each. In the first, row 3 has no torque.
-fn write(name: &str, compression: Compression, groups: usize, rows: usize) -> Temporary {
-    write_version(name, WriterVersion::PARQUET_1_0, compression, groups, rows)
+/// Writes two row groups of `rows` rows, one run each. In the first, row 3 has no torque.
+fn write(folder: &Folder, compression: Compression, rows: usize) -> PathBuf {
+    write_version(folder, WriterVersion::PARQUET_1_0, compression, rows)
 }
 
 /// Like [`write`], with pages of a version of the format. Version 2 stores the levels uncompressed and delta encodings.
 fn write_version(
-    name: &str,
+    folder: &Folder,
     version: WriterVersion,
     compression: Compression,
-    groups: usize,
     rows: usize,
-) -> Temporary {
-    let path = std::env::temp_dir().join(format!("{name}-{}.parquet", std::process::id()));
+) -> PathBuf {
+    let path = folder.0.join("log.parquet");
     let schema = Arc::new(parse_message_type(SCHEMA).unwrap());
     let properties = WriterProperties::builder().set_compression(compression);
     let properties = properties.set_writer_version(version).build();
     let file = fs::File::create(&path).unwrap();
     let mut writer = SerializedFileWriter::new(file, schema, Arc::new(properties)).unwrap();
-    for run in 0..groups {
+    for run in 0..2 {
         let mut group = writer.next_row_group().unwrap();
         let group_ref = &mut group;
         let all = 0..rows;
@@ -84,11 +76,11 @@ fn write_version(
         group.close().unwrap();
     }
     writer.close().unwrap();
-    Temporary(path)
+    path
 }
 
-fn read_one(file: &Temporary) -> Dataset {
-    read(std::slice::from_ref(&file.0), &ReadOptions::default(), &|_, _| {}).unwrap()
+fn read_one(path: PathBuf) -> Dataset {
+    read(&[path], &ReadOptions::default(), &|_, _| {}).unwrap()
 }
 
 #[test]
@@ -101,8 +93,9 @@ fn read_with_parquet_returns_same_data_as_csv() {
     ];
     let versions = [WriterVersion::PARQUET_1_0, WriterVersion::PARQUET_2_0];
     let both = compressions.into_iter().flat_map(|of| versions.map(|version| (of, version)));
-    for (at, (compression, version)) in both.enumerate() {
-        let data = read_one(&write_version(&format!("table-{at}"), version, compression, 2, 30));
+    let folder = Folder::new();
+    for (compression, version) in both {
+        let data = read_one(write_version(&folder, version, compression, 30));
         assert_eq!(data.joint, JointKind::Revolute);
         assert_eq!((data.rows, data.rows_read, data.bad_rows.count), (59, 60, 1));
         let bad = &data.bad_rows.first[0];
@@ -128,8 +121,8 @@ fn read_with_parquet_returns_same_data_as_csv() {
 }
 
 /// Writes a table of 50 rows 10 ms apart, with times of the given type.
-fn dated<T: DataType>(name: &str, kind: &str, stamp: impl Fn(i64) -> T::T) -> Temporary {
-    let path = std::env::temp_dir().join(format!("{name}-{}.parquet", std::process::id()));
+fn dated<T: DataType>(folder: &Folder, kind: &str, stamp: impl Fn(i64) -> T::T) -> PathBuf {
+    let path = folder.0.join(format!("{kind}.parquet"));
     let schema = format!(
         "message log {{ OPTIONAL {kind}; OPTIONAL DOUBLE velocity_rad_s; OPTIONAL DOUBLE torque_nm; }}"
     );
@@ -143,23 +136,24 @@ fn dated<T: DataType>(name: &str, kind: &str, stamp: impl Fn(i64) -> T::T) -> Te
     column::<DoubleType>(&mut group, &vec![Some(0.5); 50]);
     group.close().unwrap();
     writer.close().unwrap();
-    Temporary(path)
+    path
 }
 
 #[test]
 fn read_with_dates_returns_times_to_the_nanosecond() {
     // 2024-05-01 12:00:00 UTC.
     const NOON_MS: i64 = 1_714_564_800_000;
+    let folder = &Folder::new();
     let files = [
-        dated::<Int64Type>("ms", "INT64 time_s (TIMESTAMP(MILLIS,true))", |i| NOON_MS + 10 * i),
-        dated::<Int64Type>("us", "INT64 time_s (TIMESTAMP(MICROS,false))", |i| {
+        dated::<Int64Type>(folder, "INT64 time_s (TIMESTAMP(MILLIS,true))", |i| NOON_MS + 10 * i),
+        dated::<Int64Type>(folder, "INT64 time_s (TIMESTAMP(MICROS,false))", |i| {
             (NOON_MS + 10 * i) * 1000
         }),
-        dated::<Int64Type>("ns", "INT64 time_s (TIMESTAMP(NANOS,true))", |i| {
+        dated::<Int64Type>(folder, "INT64 time_s (TIMESTAMP(NANOS,true))", |i| {
             (NOON_MS + 10 * i) * 1_000_000
         }),
-        dated::<Int64Type>("old", "INT64 time_s (TIMESTAMP_MILLIS)", |i| NOON_MS + 10 * i),
-        dated::<Int96Type>("spark", "INT96 time_s", |i| {
+        dated::<Int64Type>(folder, "INT64 time_s (TIMESTAMP_MILLIS)", |i| NOON_MS + 10 * i),
+        dated::<Int96Type>(folder, "INT96 time_s", |i| {
             let mut stamp = Int96::new();
             let ns = (NOON_MS % 86_400_000 + 10 * i) * 1_000_000;
             // Days are counted as astronomers do.
@@ -168,30 +162,32 @@ fn read_with_dates_returns_times_to_the_nanosecond() {
             stamp
         }),
     ];
-    for file in &files {
+    for file in files {
         let data = read_one(file);
         assert_eq!((data.rows, data.bad_rows.count), (50, 0));
         let times: Vec<f64> = (0..50).map(|i| (10 * i) as f64 / 1000.0).collect();
         assert_eq!(data.runs[0].time_s, times);
     }
-    let days = dated::<Int32Type>("day", "INT32 time_s (DATE)", |i| 19_844 + i as i32);
-    assert_eq!(read_one(&days).runs[0].time_s[..2], [0.0, 86_400.0]);
+    let days = dated::<Int32Type>(folder, "INT32 time_s (DATE)", |i| 19_844 + i as i32);
+    assert_eq!(read_one(days).runs[0].time_s[..2], [0.0, 86_400.0]);
 }
 
 #[test]
 fn read_with_integer_stamps_of_parquet_keeps_all_digits() {
-    let file =
-        dated::<Int64Type>("stamps", "INT64 stamp", |row| 1_714_564_800_000_000_000 + 1_000 * row);
+    let folder = Folder::new();
+    let stamp = |row| 1_714_564_800_000_000_000 + 1_000 * row;
+    let path = dated::<Int64Type>(&folder, "INT64 stamp", stamp);
     let columns = vec![("time_s".to_owned(), "stamp:ns".to_owned())];
     let options = ReadOptions { columns, ..ReadOptions::default() };
-    let data = read(std::slice::from_ref(&file.0), &options, &|_, _| {}).unwrap();
+    let data = read(&[path], &options, &|_, _| {}).unwrap();
     assert_eq!(data.runs[0].time_s[..3], [0.0, 1e-6, 2e-6]);
 }
 
 #[test]
 fn read_with_more_rows_than_a_batch_keeps_columns_aligned() {
+    let folder = Folder::new();
     for compression in [Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())] {
-        let data = read_one(&write(&format!("long-{compression:?}"), compression, 2, 20_000));
+        let data = read_one(write(&folder, compression, 20_000));
         assert_eq!(data.rows, 39_999);
         let run = &data.runs[1];
         for row in 0..20_000 {
@@ -202,34 +198,8 @@ fn read_with_more_rows_than_a_batch_keeps_columns_aligned() {
 
 #[test]
 fn read_with_damaged_parquet_returns_error_without_panic() {
+    let folder = Folder::new();
     for compression in [Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())] {
-        read_damaged(&write(&format!("good-{compression:?}"), compression, 2, 50));
-    }
-}
-
-/// Reads 1000 damaged copies of a file.
-fn read_damaged(good: &Temporary) {
-    let bytes = fs::read(&good.0).unwrap();
-    let path = Temporary(good.0.with_file_name(format!("damaged-{}.parquet", std::process::id())));
-    let mut state = 7u64;
-    let mut random = |below: usize| {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (state >> 33) as usize % below
-    };
-    for round in 0..1000 {
-        let mut bytes = bytes.clone();
-        for _ in 0..=random(4) {
-            let at = random(bytes.len());
-            bytes[at] = random(256) as u8;
-        }
-        if round % 10 == 9 {
-            bytes.truncate(4 + random(bytes.len() - 4));
-        }
-        bytes[..4].copy_from_slice(b"PAR1");
-        fs::write(&path.0, &bytes).unwrap();
-        if let Err(error) = read(std::slice::from_ref(&path.0), &ReadOptions::default(), &|_, _| {})
-        {
-            assert!(!error.to_string().contains('\n'), "{error}");
-        }
+        read_damaged(&write(&folder, compression, 50), b"PAR1");
     }
 }

@@ -357,3 +357,29 @@ fn proposals_for_json_documents_make_a_log() {
         assert!(ends.iter().any(|(_, error)| *error < ROUNDING), "{name}: {script}: {ends:?}");
     }
 }
+
+#[test]
+fn survey_with_row_of_units_suggests_them() {
+    let folder = Folder::new();
+    let rows: String = (0..ROWS)
+        .map(|row| truth(row, 0.3, 0.005))
+        .map(|[t, q, v, torque]| {
+            let (q, v) = (q.to_degrees(), v * 60.0 / TAU);
+            format!("{:.1};{q:.4};{v:.4};{torque:.4}\n", 1e3 * t)
+        })
+        .collect();
+    for units in ["ms;deg;rpm;Nm", "[ms];[deg];[rpm];[Nm]"] {
+        let file = folder.write("log.csv", format!("Zeit;Achse 1;Achse 2;Moment\n{units}\n{rows}"));
+        let found = survey(&file, &ReadOptions::default()).expect("a survey");
+        let pairs: Vec<String> =
+            found.columns.iter().flat_map(|of| &of.suggestion).map(ColumnPair::to_string).collect();
+        let expected = [
+            "time_s=Zeit:ms",
+            "position_rad=Achse 1:deg",
+            "velocity_rad_s=Achse 2:rpm",
+            "torque_nm=Moment:Nm",
+        ];
+        assert_eq!(pairs, expected, "{units}");
+        assert!(found.columns.iter().all(|of| of.alternatives.is_empty() && of.texts == 0));
+    }
+}

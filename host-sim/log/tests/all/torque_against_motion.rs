@@ -316,6 +316,45 @@ fn check_with_end_stop_leaves_rows_out() {
 }
 
 #[test]
+fn check_without_position_finds_end_stop_and_none_in_a_sound_log() {
+    let names = ["time_s", "velocity_rad_s", "torque_nm"].map(str::to_owned);
+    let is_found = |rows: &[Row]| {
+        let columns = [0, 2, 3].map(|at| rows.iter().map(|row| row[at]).collect());
+        let run = ("a".to_owned(), columns.to_vec());
+        let log = Dataset::from_columns(&names, [run]).expect("columns");
+        has(&check(log, Corrections::default()), Kind::EndStop)
+    };
+    let (mut found, mut wrong) = (0, 0);
+    for seed in 0..joints() {
+        let mut joint = Joint::draw(7_000 + seed);
+        let rows = joint.rows(40.0);
+        wrong += usize::from(is_found(&rows));
+        let most = rows.iter().map(|row| row[3].abs()).fold(0.0, f64::max);
+        let least = |row: &usize| rows[*row][1];
+        let end = (0..rows.len()).min_by(|a, b| least(a).total_cmp(&least(b))).expect("rows");
+        // The joint pushes where its travel ends, and then goes on.
+        let push = (0..(0.8 / joint.step_s) as usize).map(|row| {
+            let time = rows[end][0] + joint.step_s * (row + 1) as f64;
+            let velocity = joint.velocity_noise * joint.normal();
+            [time, rows[end][1], velocity, -2.0 * most + joint.noise * joint.normal(), 10.0]
+        });
+        let push: Vec<Row> = push.collect();
+        let later =
+            |row: &Row| [row[0] + joint.step_s * push.len() as f64, row[1], row[2], row[3], row[4]];
+        let rest: Vec<Row> = rows[end + 1..].iter().map(later).collect();
+        found += usize::from(is_found(&[&rows[..=end], &push, &rest].concat()));
+    }
+    println!(
+        "measured: end stops without a position: {found} found, {wrong} false of {}",
+        joints()
+    );
+    assert!(
+        found as f64 >= LEAST_FOUND * joints() as f64 && wrong <= MOST_FALSE,
+        "{found}, {wrong}"
+    );
+}
+
+#[test]
 fn check_with_offset_for_each_run_subtracts_it() {
     found_in_most(Kind::OffsetPerRun, |joint| {
         let run = |_| {

@@ -10,6 +10,7 @@ use crate::monitor::sdo_poller::{
     FAILED_SELF_TEST, FAULTS, IN_BAND, LARGEST_IN_BANDS, LIMITS, SOURCE, STATE, UPDATE_KEY,
     WINDOWS, WINDOWS_OUT_OF_BAND,
 };
+use crate::monitor::series::Timed;
 use crate::monitor::view_data::{
     ActiveFlags, Band, Codes, EventKind, Heartbeat, LearntLevels, Lens, Network, Reading, View,
 };
@@ -33,7 +34,7 @@ fn age_s(at_ns: u64, now_ns: u64) -> f64 {
 impl JointView {
     /// Returns the view at a time.
     pub fn view(&self, now_ns: u64, lens: &Lens) -> View {
-        let state_age_s = self.polled(STATE).map(|(at_ns, _)| age_s(at_ns, now_ns));
+        let state_age_s = self.polled(STATE).map(|state| age_s(state.time_ns, now_ns));
         let rates = self.rates.per_second(now_ns);
         View {
             node: self.node.number(),
@@ -69,13 +70,13 @@ impl JointView {
         }
     }
 
-    /// Returns the time, ns, and the value of an object; `None` before it was read.
-    fn polled(&self, at: Address) -> Option<(u64, u32)> {
+    /// Returns the value of an object; `None` before it was read.
+    fn polled(&self, at: Address) -> Option<Timed<u32>> {
         self.objects.get(&(at.index, at.subindex)).copied()
     }
 
     fn value(&self, at: Address) -> Option<u32> {
-        self.polled(at).map(|(_, value)| value)
+        self.polled(at).map(|of| of.value)
     }
 
     fn heartbeat_at(&self, now_ns: u64) -> Heartbeat {
@@ -98,9 +99,9 @@ impl JointView {
     }
 
     fn active_flags(&self, now_ns: u64) -> Option<ActiveFlags> {
-        let (at_ns, flags) = self.flags?;
+        let Timed { time_ns, value: flags } = self.flags?;
         let stale_ns = self.series[Quantity::Friction as usize].stale_ns();
-        let age_s = age_s(at_ns, now_ns);
+        let age_s = age_s(time_ns, now_ns);
         let is_stale = age_s > stale_ns as f64 * 1e-9;
         Some(ActiveFlags { names: flag_names(flags), age_s, is_stale })
     }
@@ -151,11 +152,11 @@ impl JointView {
         let series = &self.series[quantity as usize];
         let window_ns = (lens.window_s * 1e9) as u64;
         let (columns, bridged) = series.columns(now_ns, window_ns, lens.columns);
-        let age_ns = series.last.map(|(at_ns, _)| now_ns.saturating_sub(at_ns));
+        let age_ns = series.last.map(|last| now_ns.saturating_sub(last.time_ns));
         Reading {
             quantity,
             unit: quantity.unit(self.kind),
-            value: series.last.map(|(_, value)| value),
+            value: series.last.map(|last| last.value),
             unmeasured: series.is_unmeasured,
             missing: self.missing_frame(quantity, now_ns),
             age_s: age_ns.map(|age_ns| age_ns as f64 * 1e-9),
@@ -191,7 +192,7 @@ impl JointView {
     pub(super) fn missing_frame(&self, quantity: Quantity, now_ns: u64) -> Option<MissingFrame> {
         let is_old = |at_ns: u64| now_ns.saturating_sub(at_ns) > SILENCE_TIMEOUT_NS;
         let series = &self.series[quantity as usize];
-        let last_ns = series.last.map_or(self.start_ns, |(at_ns, _)| at_ns);
+        let last_ns = series.last.map_or(self.start_ns, |last| last.time_ns);
         if series.is_unmeasured || !is_old(last_ns) {
             return None;
         }

@@ -1,11 +1,11 @@
 //! The torque against the motion, before any model: a law that is linear in acceleration, direction, velocity, position and 1.
 //!
 //! Checks compare how well this law follows two readings of one column, so that an imperfect law does no harm: a torque and its
-//! magnitude, a torque with and without a sign bit, one offset and one for each run. Rows at rest are left out, because there the
-//! direction of friction is unknown.
+//! magnitude, a torque with and without a sign bit, one offset and one for each run, the logged and the reconstructed motion.
+//! In the rows of [`moving_rows`] the joint moves, because at rest the direction of friction is unknown.
 
+use crate::dataset::{Dataset, Place, Run};
 use crate::statistics::quantile;
-use crate::{Dataset, Run};
 use compensator_core::quantity::{JointKind, Quantity};
 use nalgebra::{SMatrix, SVector};
 
@@ -15,24 +15,29 @@ const MIN_MOVING_SHARE: f64 = 0.05;
 /// Minimum number of rows for a fit.
 pub const MIN_ROWS: usize = 40;
 
-/// Number of regressors; the last is 1.
+/// Number of regressors.
 const REGRESSORS: usize = 6;
+
+/// Place of the acceleration among the regressors.
+pub const ACCELERATION: usize = 0;
+
+/// Places of the two parts of friction, Coulomb and viscous.
+pub const FRICTION: [usize; 2] = [1, 2];
 
 /// Regularisation of the normal equations, relative to their diagonal: a regressor may be zero.
 const RIDGE: f64 = 1e-9;
 
-/// The regressors of a row.
+/// Diagonal of a coefficient that is kept at 0.
+const KEPT_AT_ZERO: f64 = 1e150;
+
+/// The regressors of a row: acceleration, direction of the friction (-1, 0 or 1), velocity, two functions of the position, and 1.
 pub type Regressors = SVector<f64, REGRESSORS>;
 
 /// A row in which the joint moves.
 pub struct MovingRow {
-    /// Index of its run.
-    pub run: usize,
-    /// Its row in the run.
-    pub row: usize,
+    pub place: Place,
     /// True if it moves backwards.
     pub is_back: bool,
-    /// Acceleration, direction, velocity, two functions of the position, 1.
     pub regressors: Regressors,
     /// The torque as logged.
     pub torque: f64,
@@ -41,6 +46,8 @@ pub struct MovingRow {
 /// A law with its error.
 pub struct TorqueFit {
     pub coefficients: Regressors,
+    /// Standard errors of the coefficients.
+    pub errors: Regressors,
     /// Root mean square of what it leaves.
     pub scatter: f64,
 }
@@ -49,6 +56,48 @@ impl TorqueFit {
     /// Returns the torque of the law.
     pub fn torque(&self, row: &MovingRow) -> f64 {
         self.coefficients.dot(&row.regressors)
+    }
+}
+
+/// The normal equations of a fit.
+#[derive(Default)]
+pub struct LeastSquares {
+    products: SMatrix<f64, REGRESSORS, REGRESSORS>,
+    right: Regressors,
+    squares: f64,
+    rows: usize,
+}
+
+impl LeastSquares {
+    /// Adds a row.
+    pub fn add(&mut self, regressors: Regressors, torque: f64) {
+        self.products += regressors * regressors.transpose();
+        self.right += regressors * torque;
+        self.squares += torque * torque;
+        self.rows += 1;
+    }
+
+    /// Returns the law whose coefficients at the places `at_zero` are 0; `None` if there are too few rows.
+    pub fn solve(&self, at_zero: &[usize]) -> Option<TorqueFit> {
+        if self.rows < MIN_ROWS {
+            return None;
+        }
+        let mut products = self.products;
+        for at in 0..REGRESSORS {
+            products[(at, at)] += RIDGE * products[(at, at)] + f64::MIN_POSITIVE;
+        }
+        for at in at_zero {
+            products.row_mut(*at).fill(0.0);
+            products.column_mut(*at).fill(0.0);
+            products[(*at, *at)] = KEPT_AT_ZERO;
+        }
+        let solved = products.cholesky()?;
+        let found = solved.solve(&self.right);
+        let left =
+            self.squares - 2.0 * found.dot(&self.right) + found.dot(&(self.products * found));
+        let scatter = (left.max(0.0) / self.rows as f64).sqrt();
+        let errors = solved.inverse().diagonal().map(|variance| scatter * variance.sqrt());
+        Some(TorqueFit { coefficients: found, errors, scatter })
     }
 }
 
@@ -66,16 +115,18 @@ pub fn moving_rows(data: &Dataset) -> Vec<MovingRow> {
         let position = run.get(Quantity::Position);
         let row = |row: usize| {
             let velocity = run.velocity[row];
-            let place = match (position.map(|position| position[row]), data.joint) {
+            let [one, other] = match (position.map(|position| position[row]), data.joint) {
                 (None, _) => [0.0; 2],
                 (Some(angle), JointKind::Revolute) => [angle.sin(), angle.cos()],
                 (Some(position), JointKind::Prismatic) => [position, 0.0],
             };
-            let regressors =
-                [acceleration[row], velocity.signum(), velocity, place[0], place[1], 1.0];
-            let is_back = velocity < 0.0;
-            let (regressors, torque) = (Regressors::from(regressors), run.torque[row]);
-            MovingRow { run: index, row, is_back, regressors, torque }
+            let direction = velocity.signum();
+            MovingRow {
+                place: Place { run: index, row },
+                is_back: velocity < 0.0,
+                regressors: [acceleration[row], direction, velocity, one, other, 1.0].into(),
+                torque: run.torque[row],
+            }
         };
         let moves = |row: &usize| run.velocity[*row].abs() > least;
         (0..run.len()).filter(moves).map(row).collect::<Vec<_>>()
@@ -85,25 +136,9 @@ pub fn moving_rows(data: &Dataset) -> Vec<MovingRow> {
 
 /// Fits the law to pairs of regressors and a torque. Returns `None` if there are too few.
 pub fn fit(pairs: impl Iterator<Item = (Regressors, f64)>) -> Option<TorqueFit> {
-    let (mut normal, mut right) =
-        (SMatrix::<f64, REGRESSORS, REGRESSORS>::zeros(), Regressors::zeros());
-    let (mut squares, mut count) = (0.0, 0usize);
-    for (regressors, torque) in pairs {
-        normal += regressors * regressors.transpose();
-        right += regressors * torque;
-        squares += torque * torque;
-        count += 1;
-    }
-    if count < MIN_ROWS {
-        return None;
-    }
-    let plain = normal;
-    for at in 0..REGRESSORS {
-        normal[(at, at)] += RIDGE * normal[(at, at)] + f64::MIN_POSITIVE;
-    }
-    let found = normal.cholesky()?.solve(&right);
-    let left = squares - 2.0 * found.dot(&right) + found.dot(&(plain * found));
-    Some(TorqueFit { coefficients: found, scatter: (left.max(0.0) / count as f64).sqrt() })
+    let mut sums = LeastSquares::default();
+    pairs.for_each(|(regressors, torque)| sums.add(regressors, torque));
+    sums.solve(&[])
 }
 
 /// Returns true if rows move both ways.
