@@ -8,6 +8,7 @@ use friction_diagnose::DiagnosisOptions;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::spec::Spec;
 use friction_results::diagnosis::{self, DiagnosedLog};
+use friction_results::pretty;
 use friction_results::stochastic::StochasticExtension;
 use joint_log::SplitRule;
 use joint_log::work::report_stage;
@@ -42,7 +43,7 @@ impl Diagnosis {
 impl Diagnosis {
     /// Returns the text of diagnosis.json.
     fn json(&self) -> PyResult<String> {
-        self.log().json_text().map_err(unserialised)
+        self.log().document().and_then(|document| pretty(&document)).map_err(unserialised)
     }
 
     /// Returns the text of report.html.

@@ -22,15 +22,7 @@ pub struct ComparisonFiles {
 }
 
 fn report<'a>(input: &'a Prepared, fits: &'a [Outcome]) -> FitReport<'a> {
-    FitReport {
-        data: &input.data,
-        split: &input.split,
-        hashes: &input.hashes,
-        test: input.test_rows(),
-        columns: &input.columns,
-        skip: input.skip,
-        fits,
-    }
+    FitReport { input, test: input.test_rows(), fits }
 }
 
 /// Returns the index of the recommended fit: the best on held-out rows, or the smallest one that is not significantly worse.
@@ -58,7 +50,7 @@ fn fit_document_text(
     input: &Prepared,
     predicted: &PredictedLog,
 ) -> Result<String, ResultError> {
-    let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
+    let mut document = document(input, from_ref(fit));
     document["prediction"] = predicted.summary.clone();
     document["plain"] = json!({ "test_rmse": beside.plain.test.rmse });
     document["handed_over"] = json!(beside.handed_over.name());
@@ -103,7 +95,7 @@ pub fn comparison_files(
     fits: &[Outcome],
     input: &Prepared,
 ) -> Result<ComparisonFiles, ResultError> {
-    let mut document = document(&input.data, &input.split, &input.hashes, fits);
+    let mut document = document(input, fits);
     let Comparison { page, summary, chosen } = compare_fits(&report(input, fits));
     let best = &fits[chosen];
     document["chosen"] = json!(best.spec.to_string());

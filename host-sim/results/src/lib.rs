@@ -14,6 +14,7 @@
 //! - [`write_atomically`]: writes a file completely or not at all.
 
 pub mod budget;
+mod diagnosed_log;
 pub mod diagnosis;
 #[cfg(feature = "pages")]
 pub mod diagnosis_page;

@@ -243,7 +243,7 @@ fn diagnosis() -> Page {
         facts: texts([("Cause", "one direction rubs harder")]),
         charts: vec![chart],
     });
-    page.push(Block::Contents).push(Block::heading("Evidence"));
+    page.push(Block::Contents).push(Block::Heading("Evidence".into()));
     page
 }
 
