@@ -48,6 +48,7 @@ pub mod scope;
 #[cfg(all(test, feature = "fleet"))]
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
+mod steady_torque;
 pub mod stochastic;
 #[cfg(feature = "rows")]
 pub mod table_file;
