@@ -1,6 +1,7 @@
 //! The result files of `identify` and `compare`.
 
 use crate::files::{Files, pretty};
+use crate::page::View;
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use crate::{Comparison, FitReport, ResultError, compare_fits, document};
@@ -27,7 +28,7 @@ fn report<'a>(input: &'a Prepared, fits: &'a [Outcome]) -> FitReport<'a> {
 
 /// Returns the index of the recommended fit: the best on held-out rows, or the smallest one that is not significantly worse.
 pub(crate) fn recommended(fits: &[Outcome], input: &Prepared) -> usize {
-    compare_fits(&report(input, fits)).chosen
+    View::new(&report(input, fits)).chosen()
 }
 
 /// Returns `fit.json` of a fit beside plain friction.

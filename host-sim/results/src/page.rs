@@ -69,7 +69,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns the recommended model: the best one, or the smallest one that is not significantly worse.
-    fn chosen(&self) -> usize {
+    pub(super) fn chosen(&self) -> usize {
         let size = |fit: usize| fitted(self.fit(fit)).count();
         let smaller = self.equals().into_iter().filter(|&fit| size(fit) < size(self.best()));
         smaller.min_by_key(|&fit| size(fit)).unwrap_or(self.best())
