@@ -79,14 +79,12 @@ fn positive(text: &str) -> Result<f64, Expected> {
 #[cfg(any(test, not(feature = "papers")))]
 const PAPER_MACHINES: [&str; 3] = ["damper", "joint-bench", "manipulator"];
 
-#[cfg(feature = "papers")]
 fn machines() -> impl Iterator<Item = &'static Simulation> + Clone {
-    SIMULATIONS.iter().chain(paper_machines::SIMULATIONS)
-}
-
-#[cfg(not(feature = "papers"))]
-fn machines() -> impl Iterator<Item = &'static Simulation> + Clone {
-    SIMULATIONS.iter()
+    #[cfg(feature = "papers")]
+    let others = paper_machines::SIMULATIONS;
+    #[cfg(not(feature = "papers"))]
+    let others: &[Simulation] = &[];
+    SIMULATIONS.iter().chain(others)
 }
 
 /// Returns the parser of the machine's name; the help lists every machine with its description. A build without the feature
