@@ -7,17 +7,13 @@ pub use super::diagnosed_log::DiagnosedLog;
 
 use super::json::{parameter, sources};
 use super::ranking::{RankedCandidate, left_out, ranking};
-#[cfg(feature = "pages")]
-use crate::Files;
 use crate::ResultError;
 use crate::budget::{BudgetStep, budget};
-#[cfg(feature = "pages")]
-use crate::diagnosis_page;
-use crate::files::pretty;
 use crate::loop_cost::late_loop_warning;
-#[cfg(feature = "pages")]
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
+#[cfg(feature = "pages")]
+use crate::{Files, diagnosis_page, pretty};
 use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_diagnose::hand_over::Judged;
 use friction_diagnose::prepare::Prepared;

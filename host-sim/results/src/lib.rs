@@ -27,6 +27,7 @@ mod files;
 pub mod fits;
 #[cfg(feature = "fleet")]
 pub mod fleet;
+#[cfg(feature = "pages")]
 pub mod joints_page;
 pub mod json;
 #[cfg(feature = "fleet")]
