@@ -75,6 +75,7 @@ def log(
         "join": join,
         "preset": preset,
         "skip_lines": skip_lines,
+        "as_logged": list(as_logged),
         "name": name,
     }
     if hold_out is not None and len(hold_out) != 1:

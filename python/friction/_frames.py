@@ -135,16 +135,13 @@ def residual_frame(
     """
     frames = pandas("residuals")
     whole, columns, rows = contract_columns(data, options)
-    numbered = log(_core.with_row_numbers(whole), motion=motion).log
+    numbered = log(_core.with_row_numbers(whole), motion=motion, as_logged=options.get("as_logged", ())).log
     torque = next(iter(models.values())).torque_column
     kept = list(dict.fromkeys(["run", "time_s", *(name for name in others if name in columns), torque]))
     found = frames.DataFrame({name: columns[name] for name in kept}, index=rows)
     for prefix, model in models.items():
-        found[f"{prefix}predicted_{torque}"] = model.predict_log(numbered, len(whole), True, threads)
-    if (found[torque] * found[f"{next(iter(models))}predicted_{torque}"]).sum() < 0:
-        # A torque that drives the motion was logged with the other sign. A fit turns it.
-        found[torque] = -found[torque]
-    for prefix in models:
+        # A fit turns a torque that was logged with the other sign, and so does this.
+        found[torque], found[f"{prefix}predicted_{torque}"] = model.predict_log(numbered, len(whole), True, threads)
         found[f"{prefix}residual_{torque}"] = found[torque] - found[f"{prefix}predicted_{torque}"]
     found = found.sort_index()
     if labels is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -19,8 +18,6 @@ from ._export import Export, Form, Parameter
 from ._progress import Progress, shown
 
 _TORQUES = ("torque_nm", "force_n")
-#: A fitted parameter in ``params.toml``: its name, standard error and state.
-_ESTIMATE = re.compile(r'^(\w+) = \{ value = .*?(?:std_error = ([^,}\s]+), )?state = "([\w-]+)"', re.MULTILINE)
 #: Arguments of the constructor that say how a table is read.
 _READING = ("columns", "torque_constant", "rated_torque_nm")
 
@@ -121,14 +118,7 @@ class Model(Regressor):
         return {name: Parameter(value, unit, error, state) for name, value, unit, error, state in self._parameter_rows()}
 
     def _parameter_rows(self) -> list[_text.ParameterRow]:
-        own = self._fitted()
-        if self._rows is not None:
-            return self._rows
-        rows = own.parameters
-        if any(state is not None for *_, state in rows):
-            return rows
-        stated = {name: (float(error) if error else None, state) for name, error, state in _ESTIMATE.findall(own.toml)}
-        return [(name, value, unit, *stated.get(name, (error, state))) for name, value, unit, error, state in rows]
+        return self._fitted().parameters if self._rows is None else self._rows
 
     def to_pandas(self) -> Any:
         """Returns the parameters as a ``pandas.DataFrame``: value, unit, standard error and state by name.
@@ -253,7 +243,7 @@ class Model(Regressor):
             if adapt:
                 found = own.predict_adapted_log(prepared, rows, adapt_memory, adapt_range, self.threads, report)
             else:
-                found = own.predict_log(prepared, rows, has_torque, self.threads, report)
+                _, found = own.predict_log(prepared, rows, has_torque, self.threads, report)
         return _frames.labelled(found, data, own.torque_column)
 
     def residuals(self, data: Data, y: Any = None) -> Any:

@@ -8,6 +8,7 @@ use friction_diagnose::DiagnosisOptions;
 use friction_diagnose::prepare::{Error, Prepared};
 use friction_fit::spec::Spec;
 use friction_results::diagnosis::{self, DiagnosedLog};
+use friction_results::pretty;
 use friction_results::stochastic::StochasticExtension;
 use joint_log::SplitRule;
 use joint_log::work::report_stage;
@@ -42,7 +43,7 @@ impl Diagnosis {
 impl Diagnosis {
     /// Returns the text of diagnosis.json.
     fn json(&self) -> PyResult<String> {
-        self.log().json_text().map_err(unserialised)
+        self.log().document().and_then(|document| pretty(&document)).map_err(unserialised)
     }
 
     /// Returns the text of report.html.
@@ -69,7 +70,7 @@ impl Diagnosis {
         let outcome = diagnosis::transferable_model(&self.found);
         let toml = diagnosis::parameter_text(&self.found, &self.input);
         let auxiliary = self.found.auxiliary_of_driver().map(str::to_owned);
-        Model::of_fit(py, toml, &outcome, &self.input, auxiliary)
+        Model::of_fit(py, toml, &outcome, auxiliary)
     }
 
     /// The extended model as it was evaluated on this log.
@@ -77,7 +78,7 @@ impl Diagnosis {
     fn extended(&self, py: Python<'_>) -> PyResult<Model> {
         let (fit, auxiliary) = (&self.found.extended, self.found.auxiliary.clone());
         let toml = diagnosis::law_text(&self.found, &self.input, fit, auxiliary.as_deref());
-        Model::of_fit(py, toml, fit, &self.input, auxiliary)
+        Model::of_fit(py, toml, fit, auxiliary)
     }
 
     /// The base model, without extension.
@@ -85,7 +86,7 @@ impl Diagnosis {
     fn baseline(&self, py: Python<'_>) -> PyResult<Model> {
         let fit = &self.found.baseline;
         let toml = diagnosis::law_text(&self.found, &self.input, fit, None);
-        Model::of_fit(py, toml, fit, &self.input, None)
+        Model::of_fit(py, toml, fit, None)
     }
 }
 

@@ -112,12 +112,13 @@ fn add_details(details: &Bound<'_, PyDict>, error: &DataError) -> PyResult<()> {
         details.set_item("column", &cell.column)
     };
     match error {
-        DataError::Io { file, .. } => details.set_item("file", file.display().to_string()),
+        DataError::Io { file, .. } | DataError::LeftOut { file, .. } => {
+            details.set_item("file", file.display().to_string())
+        }
         DataError::Cell(bad) => cell(bad),
         DataError::TooManyBad { first, .. } => cell(first),
         DataError::File { file, found, expected }
         | DataError::MissingColumns { file, found, expected, .. } => place(file, found, expected),
-        DataError::LeftOut { file, .. } => details.set_item("file", file.display().to_string()),
         DataError::SeveralJoints { file, column, joints, .. } => {
             details.set_item("file", file.display().to_string())?;
             details.set_item("column", column)?;

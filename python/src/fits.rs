@@ -88,7 +88,7 @@ impl Fits {
             .iter()
             .map(|fit| {
                 let toml = parameter_file(command, &self.input, fit, None, &Measurement::default());
-                Model::of_fit(py, toml, fit, &self.input, None)
+                Model::of_fit(py, toml, fit, None)
             })
             .collect()
     }

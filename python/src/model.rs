@@ -5,20 +5,21 @@ use crate::error::{refused, text_in_keywords, wrong_model};
 use crate::log::Log;
 use crate::table::Table;
 use compensator_core::{ParameterId, Parameters};
-use friction_diagnose::prepare::{Error, Prepared};
+use friction_diagnose::prepare::Error;
 use friction_fit::params::{self, ParameterFile, ParameterFileErrorKind};
 use friction_fit::prediction::{
     AdaptationOptions, LogPrediction, PredictionOptions, PredictionStart, log_tracks,
     predict_adapted, predict_tracks,
 };
 use friction_fit::spec::Spec;
-use friction_fit::{DriverForm, Outcome, tracks_with};
+use friction_fit::{DriverForm, Estimate, Outcome, tracks_with};
 use friction_results::export::{ExportFormat, export};
 use joint_log::log_check::{Corrections, check};
 use joint_log::{Cells, Dataset, JointKind, Quantity, ReadOptions, read_tables};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::collections::BTreeMap;
+use toml_edit::{Document, Item, TableLike, TomlError};
 
 /// A covariate with the number of each row, which shows what row of the user's table a prediction belongs to.
 const ROW: &str = "friction row number";
@@ -31,14 +32,21 @@ pub struct Model {
     joint: JointKind,
     /// Text of params.toml.
     toml: String,
-    /// Standard error and state of each parameter; empty for a model from a file.
-    estimates: Vec<(ParameterId, Option<f64>, &'static str)>,
+    /// What the fit knows of the parameters, as far as a file states it.
+    estimates: Vec<ParameterEstimate>,
     /// The covariate that an auxiliary term follows.
     auxiliary: Option<String>,
     /// True if the model was fitted to the motion as logged.
     is_motion_logged: bool,
     /// Columns that its linear model follows.
     columns: Vec<String>,
+}
+
+/// What a fit knows of a parameter.
+struct ParameterEstimate {
+    id: ParameterId,
+    std_error: Option<f64>,
+    state: String,
 }
 
 #[pymethods]
@@ -48,6 +56,7 @@ impl Model {
     fn from_toml(py: Python<'_>, text: String) -> PyResult<Self> {
         let file =
             params::parse(&text, &[]).map_err(|error| wrong_model(py, &error.to_string()))?;
+        let estimates = stated(&text).map_err(|error| wrong_model(py, &error.to_string()))?;
         Ok(Self {
             is_motion_logged: file.measurement.is_motion_logged,
             columns: columns(&file),
@@ -55,7 +64,7 @@ impl Model {
             parameters: file.parameters,
             joint: file.joint,
             toml: text,
-            estimates: Vec::new(),
+            estimates,
             auxiliary: file.fit.auxiliary,
         })
     }
@@ -81,14 +90,12 @@ impl Model {
     /// Returns name, value, unit, standard error and state of each parameter.
     #[getter]
     #[expect(clippy::type_complexity, reason = "a row of a table, named in Python")]
-    fn parameters(
-        &self,
-    ) -> Vec<(&'static str, f64, &'static str, Option<f64>, Option<&'static str>)> {
+    fn parameters(&self) -> Vec<(&'static str, f64, &'static str, Option<f64>, Option<&str>)> {
         let row = |id: ParameterId| {
-            let estimate = self.estimates.iter().find(|(known, ..)| *known == id);
+            let estimate = self.estimates.iter().find(|of| of.id == id);
             let unit = params::unit(id, self.joint);
-            let error = estimate.and_then(|(_, error, _)| *error);
-            (id.name(), self.parameters.get(id), unit, error, estimate.map(|(.., state)| *state))
+            let error = estimate.and_then(|of| of.std_error);
+            (id.name(), self.parameters.get(id), unit, error, estimate.map(|of| &*of.state))
         };
         self.parameters.active().map(row).collect()
     }
@@ -133,8 +140,9 @@ impl Model {
         Ok((files, notes))
     }
 
-    /// Returns the torque of each row of a log's only table; NaN for rows that cannot be used. The state at the start of
-    /// a run follows from its torque if `has_torque`, and is relaxed otherwise.
+    /// Returns the measured and the predicted torque of each row of a log's only table; NaN for rows that cannot be used. A
+    /// measured torque that drives the motion is turned, as for a fit. The state at the start of a run follows from its torque
+    /// if `has_torque`, and is relaxed otherwise.
     #[pyo3(signature = (log, rows, has_torque, threads=0, progress=None))]
     fn predict_log(
         &self,
@@ -144,9 +152,14 @@ impl Model {
         has_torque: bool,
         threads: usize,
         progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Vec<f64>> {
+    ) -> PyResult<(Vec<f64>, Vec<f64>)> {
         let log = log.get();
-        compute(py, threads, progress, || self.predict(&self.dataset(log)?, rows, has_torque))
+        compute(py, threads, progress, || {
+            let data = self.dataset(log)?;
+            let predicted = self.predict_runs(&data, has_torque)?;
+            let measured = by_row(&data, data.runs.iter().map(|run| &run.torque), rows);
+            Ok((measured, by_row(&data, predicted.runs.iter().map(|run| &run.torque), rows)))
+        })
     }
 
     /// Returns the torque of each row of a log's only table, with gains that follow the log; NaN for rows that cannot be used.
@@ -183,19 +196,13 @@ impl Model {
             let found = self.predict_runs(&data, true)?;
             let runs = data.runs.iter().zip(&found.runs);
             let rows = runs.flat_map(|(run, predicted)| run.torque.iter().zip(&predicted.torque));
-            let pairs: Vec<(f64, f64)> = rows
-                .map(|(measured, predicted)| (*measured, *predicted))
-                .filter(|(_, predicted)| predicted.is_finite())
-                .collect();
-            let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / pairs.len() as f64;
-            let squares = |of: fn(f64, f64, f64) -> f64| -> f64 {
-                pairs
-                    .iter()
-                    .map(|(measured, simulated)| of(*measured, *simulated, mean).powi(2))
-                    .sum()
-            };
-            let residual = squares(|measured, simulated, _| measured - simulated);
-            Ok(1.0 - residual / squares(|measured, _, mean| measured - mean))
+            let pairs: Vec<_> = rows.filter(|(_, predicted)| predicted.is_finite()).collect();
+            let sum: f64 = pairs.iter().map(|(measured, _)| *measured).sum();
+            let mean = sum / pairs.len() as f64;
+            let residual =
+                pairs.iter().map(|(measured, predicted)| (*measured - *predicted).powi(2));
+            let total = pairs.iter().map(|(measured, _)| (*measured - mean).powi(2));
+            Ok(1.0 - residual.sum::<f64>() / total.sum::<f64>())
         })
     }
 
@@ -205,7 +212,8 @@ impl Model {
         compute(py, 1, None, || {
             let data = read_tables(std::slice::from_ref(table), &ReadOptions::default())?;
             let rows = table.columns.first().map_or(0, |(_, cells)| cells.len());
-            self.predict(&data, rows, false)
+            let predicted = self.predict_runs(&data, false)?;
+            Ok(by_row(&data, predicted.runs.iter().map(|run| &run.torque), rows))
         })
     }
 
@@ -222,7 +230,7 @@ impl Model {
 }
 
 impl Model {
-    /// Returns the model of a fit, with its parameter file.
+    /// Returns the model of a fit, given the text of its parameter file.
     ///
     /// # Errors
     /// If the file cannot be parsed.
@@ -230,22 +238,17 @@ impl Model {
         py: Python<'_>,
         toml: String,
         outcome: &Outcome,
-        input: &Prepared,
         auxiliary: Option<String>,
     ) -> PyResult<Self> {
-        let file = params::parse(&toml, &[]).map_err(|e| wrong_model(py, &e.to_string()))?;
-        // As the text of the file has it.
         let DriverForm { parameters, estimates, .. } = outcome.for_driver();
-        Ok(Self {
-            spec: outcome.spec.clone(),
-            parameters,
-            joint: input.data.joint,
-            columns: columns(&file),
-            toml,
-            is_motion_logged: input.is_motion_logged,
-            estimates: estimates.iter().map(|of| (of.id, of.std_error, of.state.name())).collect(),
-            auxiliary,
-        })
+        let known = |&Estimate { id, std_error, state, .. }: &Estimate| ParameterEstimate {
+            id,
+            std_error,
+            state: state.name().to_owned(),
+        };
+        let estimates = estimates.iter().map(known).collect();
+        let spec = outcome.spec.clone();
+        Ok(Self { spec, parameters, estimates, auxiliary, ..Self::from_toml(py, toml)? })
     }
 
     /// Returns name and values, as a diagnosis evaluates a given model.
@@ -253,14 +256,11 @@ impl Model {
         (self.spec.clone(), self.parameters.clone())
     }
 
-    fn predict(&self, data: &Dataset, rows: usize, has_torque: bool) -> Result<Vec<f64>, Error> {
-        Ok(by_row(data, &self.predict_runs(data, has_torque)?, rows))
-    }
-
     /// Reads a log for a prediction: without leaving out rows, with the motion as the fit used it.
     fn dataset(&self, log: &Log) -> Result<Dataset, Error> {
         let is_reconstructed = log.smooths_motion() && !self.is_motion_logged;
-        let correct = Corrections::of_motion(Some(is_reconstructed)).of_every_row();
+        let correct = Corrections::of_motion(Some(is_reconstructed)).without(&log.as_logged);
+        let correct = correct.of_every_row();
         Ok(check(log.dataset()?, correct).data)
     }
 
@@ -286,7 +286,7 @@ impl Model {
         let file = params::parse(&self.toml, &[])?;
         let tracks = log_tracks(&file, data)?;
         let found = predict_adapted(&file, data, &tracks, &PredictionOptions::default(), adapt)?;
-        Ok(by_row(data, &found.prediction, rows))
+        Ok(by_row(data, found.prediction.runs.iter().map(|run| &run.torque), rows))
     }
 }
 
@@ -296,19 +296,40 @@ fn columns(file: &ParameterFile) -> Vec<String> {
     linear.into_iter().flat_map(|linear| linear.columns()).map(str::to_owned).collect()
 }
 
-/// Returns the torques by the rows of the user's table; NaN for rows that cannot be used.
-fn by_row(data: &Dataset, prediction: &LogPrediction, rows: usize) -> Vec<f64> {
+/// Returns what a parameter file states of its fit, for people.
+fn stated(text: &str) -> Result<Vec<ParameterEstimate>, TomlError> {
+    let document = Document::parse(text)?;
+    let sections = ["parameters", "rigid_body"].into_iter();
+    let sections = sections.filter_map(|name| document.get(name)?.as_table_like());
+    let estimate = |(name, item): (&str, &Item)| {
+        let id = ParameterId::parse(name)?;
+        let state = item.get("state")?.as_str()?.to_owned();
+        Some(ParameterEstimate {
+            id,
+            std_error: item.get("std_error").and_then(Item::as_float),
+            state,
+        })
+    };
+    Ok(sections.flat_map(TableLike::iter).filter_map(estimate).collect())
+}
+
+/// Returns the torques of all runs by the rows of the user's table; NaN for rows that cannot be used.
+fn by_row<'a>(
+    data: &Dataset,
+    torques: impl Iterator<Item = &'a Vec<f64>>,
+    rows: usize,
+) -> Vec<f64> {
     let place = data.covariates.iter().position(|name| name == ROW);
-    let mut torque = vec![f64::NAN; rows];
-    for (run, predicted) in data.runs.iter().zip(&prediction.runs) {
-        for (row, predicted) in predicted.torque.iter().enumerate() {
+    let mut found = vec![f64::NAN; rows];
+    for (run, torques) in data.runs.iter().zip(torques) {
+        for (row, torque) in torques.iter().enumerate() {
             let user_row = place.map_or(row, |place| run.extra[place][row] as usize);
-            if let Some(torque) = torque.get_mut(user_row) {
-                *torque = *predicted;
+            if let Some(found) = found.get_mut(user_row) {
+                *found = *torque;
             }
         }
     }
-    torque
+    found
 }
 
 /// Adds the number of each row to a table.

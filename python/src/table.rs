@@ -62,9 +62,8 @@ impl Table {
                 ),
                 "stamps" => {
                     let stamps = words(&values, i64::from_ne_bytes)?.into_iter();
-                    Cells::Stamps(
-                        stamps.map(|stamp| (stamp != i64::MIN).then_some(stamp)).collect(),
-                    )
+                    let present = |stamp| (stamp != i64::MIN).then_some(stamp);
+                    Cells::Stamps(stamps.map(present).collect())
                 }
                 "texts" => Cells::Texts(values.extract()?),
                 other => return Err(PyValueError::new_err(format!("unknown kind {other}"))),
@@ -164,10 +163,7 @@ fn list<'py>(py: Python<'py>, cells: &Cells) -> PyResult<Bound<'py, PyList>> {
     match cells {
         Cells::Numbers(cells) => PyList::new(py, cells),
         Cells::Integers(cells) | Cells::Stamps(cells) => PyList::new(py, cells),
-        Cells::Texts(cells) => {
-            PyList::new(py, cells.iter().map(|text| (!text.is_empty()).then_some(text)))
-        }
-        Cells::Mixed(_) => PyList::new(py, cell_texts(cells)),
+        Cells::Texts(_) | Cells::Mixed(_) => PyList::new(py, cell_texts(cells)),
         Cells::Unreadable { rows, .. } => PyList::new(py, vec![None::<f64>; *rows]),
     }
 }
@@ -185,33 +181,23 @@ fn array_of(cells: &Cells) -> ArrayRef {
         Cells::Stamps(cells) => {
             Arc::new(TimestampNanosecondArray::from(cells.clone()).with_timezone("UTC"))
         }
-        Cells::Texts(cells) => Arc::new(StringArray::from_iter(
-            cells.iter().map(|text| (!text.is_empty()).then_some(text)),
-        )),
-        Cells::Mixed(_) => Arc::new(StringArray::from_iter(cell_texts(cells))),
+        Cells::Texts(_) | Cells::Mixed(_) => Arc::new(StringArray::from_iter(cell_texts(cells))),
         Cells::Unreadable { rows, .. } => Arc::new(Float64Array::from(vec![None; *rows])),
     }
+}
+
+fn extended<T>(mut all: Vec<T>, more: Vec<T>) -> Vec<T> {
+    all.extend(more);
+    all
 }
 
 /// Joins the cells of two batches of one column.
 fn joined(first: Cells, more: Cells) -> Cells {
     match (first, more) {
-        (Cells::Numbers(mut all), Cells::Numbers(more)) => {
-            all.extend(more);
-            Cells::Numbers(all)
-        }
-        (Cells::Integers(mut all), Cells::Integers(more)) => {
-            all.extend(more);
-            Cells::Integers(all)
-        }
-        (Cells::Texts(mut all), Cells::Texts(more)) => {
-            all.extend(more);
-            Cells::Texts(all)
-        }
-        (Cells::Stamps(mut all), Cells::Stamps(more)) => {
-            all.extend(more);
-            Cells::Stamps(all)
-        }
+        (Cells::Numbers(all), Cells::Numbers(more)) => Cells::Numbers(extended(all, more)),
+        (Cells::Integers(all), Cells::Integers(more)) => Cells::Integers(extended(all, more)),
+        (Cells::Texts(all), Cells::Texts(more)) => Cells::Texts(extended(all, more)),
+        (Cells::Stamps(all), Cells::Stamps(more)) => Cells::Stamps(extended(all, more)),
         // All batches have one schema, so the kinds differ for unreadable types only.
         (first, more) => Cells::Unreadable {
             rows: first.len() + more.len(),
@@ -256,18 +242,12 @@ fn cells_of(array: &ArrayRef) -> Cells {
             let scale = 10f64.powi(i32::from(*scale));
             numbers::<t::Decimal128Type>(array, |n| n as f64 / scale)
         }
-        DataType::Timestamp(TimeUnit::Second, _) => {
-            stamps::<t::TimestampSecondType>(array, SECOND_NS)
-        }
-        DataType::Timestamp(TimeUnit::Millisecond, _) => {
-            stamps::<t::TimestampMillisecondType>(array, MILLISECOND_NS)
-        }
-        DataType::Timestamp(TimeUnit::Microsecond, _) => {
-            stamps::<t::TimestampMicrosecondType>(array, 1000)
-        }
-        DataType::Timestamp(TimeUnit::Nanosecond, _) => {
-            stamps::<t::TimestampNanosecondType>(array, 1)
-        }
+        DataType::Timestamp(unit, _) => match unit {
+            TimeUnit::Second => stamps::<t::TimestampSecondType>(array, SECOND_NS),
+            TimeUnit::Millisecond => stamps::<t::TimestampMillisecondType>(array, MILLISECOND_NS),
+            TimeUnit::Microsecond => stamps::<t::TimestampMicrosecondType>(array, 1000),
+            TimeUnit::Nanosecond => stamps::<t::TimestampNanosecondType>(array, 1),
+        },
         DataType::Date32 => {
             let days = array.as_primitive::<t::Date32Type>().iter();
             Cells::Stamps(days.map(|day| i64::from(day?).checked_mul(DAY_NS)).collect())

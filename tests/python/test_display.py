@@ -122,6 +122,15 @@ def test_residuals_of_a_torque_with_the_other_sign_are_small(frame, fit):
     assert turned["residual_torque_nm"].to_numpy() == pytest.approx(fit.residuals()["residual_torque_nm"].to_numpy(), abs=1e-9)
 
 
+def test_residuals_turn_a_torque_only_where_the_checks_of_the_log_do(frame, fit):
+    # A load may drive a joint in one direction, so the checks leave its torque as logged.
+    ahead = frame[frame["velocity_rad_s"] > 0]
+    driven = ahead.assign(torque_nm=-ahead["torque_nm"])
+    residuals = fit.model.residuals(driven)
+    assert len(residuals) > 100 and (residuals["torque_nm"] == driven["torque_nm"].loc[residuals.index]).all()
+    assert fit.model.score(driven) < 0
+
+
 def test_predict_keeps_the_index_of_pandas_and_the_order_of_others(frame, fit):
     torque = fit.model.predict(frame)
     assert isinstance(torque, pandas.Series) and torque.name == "torque_nm" and torque.index.equals(frame.index)

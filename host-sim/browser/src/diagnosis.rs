@@ -4,6 +4,7 @@ use friction_diagnose::diagnose;
 use friction_diagnose::prepare::{Error, PrepareOptions, Source, prepare};
 use friction_diagnose::summary::summary;
 use friction_results::diagnosis::{DiagnosedLog, parameter_text};
+use friction_results::pretty;
 use friction_results::stochastic::StochasticExtension;
 use joint_log::setting::{Message, Reference, Setting};
 use joint_log::{FileContent, ReadOptions, SplitRule};
@@ -84,9 +85,10 @@ pub fn diagnose_log(request: Request, stage: &dyn Fn(&str)) -> Result<Answer, Re
     let log: Vec<String> = input.overview.iter().cloned().chain(problems).collect();
     let digest = json!({ "cause": found.cause(), "summary": summary(&found), "log": log });
     let diagnosed = DiagnosedLog { found: &found, stochastic: &stochastic, input: &input };
+    let document = diagnosed.document().and_then(|document| pretty(&document));
     Ok(Answer {
         digest: digest.to_string(),
-        document: diagnosed.json_text().map_err(|error| Error::from(error.to_string()))?,
+        document: document.map_err(|error| Error::from(error.to_string()))?,
         parameters: parameter_text(&found, &input),
         report: diagnosed.page_text(),
     })

@@ -45,7 +45,7 @@ pub fn network_files(
     names: &[String],
     input: &Prepared,
 ) -> Result<Files, ResultError> {
-    let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
+    let mut document = document(input, from_ref(fit));
     let model = &mut document["models"][0];
     model["model"] = json!(MODEL);
     model["base"] = json!({"model": BASE, "train": fit.train, "test": fit.test});

@@ -3,28 +3,25 @@
 //! Besides the keys that the schema requires, the document holds a summary, every candidate, the shares of the error by
 //! regime and direction, and the hash of each file. All errors are in the unit of the torque column.
 
+pub use super::diagnosed_log::DiagnosedLog;
+
 use super::json::{parameter, sources};
 use super::ranking::{RankedCandidate, left_out, ranking};
-#[cfg(feature = "pages")]
-use crate::Files;
 use crate::ResultError;
 use crate::budget::{BudgetStep, budget};
-#[cfg(feature = "pages")]
-use crate::diagnosis_page::{self, DiagnosisReport};
-use crate::files::pretty;
 use crate::loop_cost::late_loop_warning;
-#[cfg(feature = "pages")]
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
-use crate::stochastic::StochasticExtension;
+#[cfg(feature = "pages")]
+use crate::{Files, diagnosis_page, pretty};
 use friction_diagnose::contest_calibration::ContestCalibration;
 use friction_diagnose::hand_over::Judged;
 use friction_diagnose::prepare::Prepared;
 use friction_diagnose::{Ceiling, Diagnosis, Finding, NAMED, Share, WeighedCause, summary};
 use friction_fit::linear::LinearTerm;
 use friction_fit::{Measurement, Outcome};
+use joint_log::Dataset;
 use joint_log::log_check::LogFinding;
-use joint_log::{Dataset, Split};
 use serde_json::{Map, Value, json};
 
 /// Makes a number finite for JSON: NaN becomes 0, an infinite number the largest finite one.
@@ -174,50 +171,28 @@ fn log_finding(finding: &LogFinding, found: &Diagnosis) -> Value {
     })
 }
 
-/// A diagnosis with what its result files need.
-#[derive(Clone, Copy)]
-pub struct DiagnosedLog<'a> {
-    /// The diagnosis.
-    pub found: &'a Diagnosis,
-    /// Its stochastic extension.
-    pub stochastic: &'a StochasticExtension,
-    /// The log.
-    pub input: &'a Prepared,
-}
-
 impl DiagnosedLog<'_> {
-    /// Returns `diagnosis.json`.
+    /// Returns the document of `diagnosis.json`.
     ///
     /// # Errors
-    /// One line, if a value cannot be represented in JSON, or the core rejects the extended model.
-    pub fn json_text(&self) -> Result<String, ResultError> {
+    /// One line, if the core rejects the extended model.
+    pub fn document(&self) -> Result<Value, ResultError> {
         let toml = parameter_text(self.found, self.input);
-        self.document_text(&PredictedLog::of_text(&toml, &self.input.data)?)
+        Ok(self.document_with(&PredictedLog::of_text(&toml, &self.input.data)?))
     }
 
-    fn document_text(&self, predicted: &PredictedLog) -> Result<String, ResultError> {
-        let Self { found, stochastic, input } = *self;
-        let mut document = document(found, stochastic, &input.data, &input.split, &input.hashes);
+    fn document_with(&self, predicted: &PredictedLog) -> Value {
+        let mut document = document(self);
         document["prediction"] = predicted.summary.clone();
-        pretty(&document)
+        document
     }
 }
 
 /// Returns `params.toml`.
 pub fn parameter_text(found: &Diagnosis, input: &Prepared) -> String {
-    handed_over_text(found, |model, auxiliary, measurement| {
-        parameter_file("diagnose", input, model, auxiliary, measurement)
-    })
-}
-
-/// Returns `params.toml`, given how the file of a driver's model is written.
-pub fn handed_over_text(
-    found: &Diagnosis,
-    file: impl Fn(&Outcome, Option<&str>, &Measurement) -> String,
-) -> String {
     let (model, auxiliary) = (transferable_model(found), found.auxiliary_of_driver());
     let of_driver = found.hand_over.measurement_of_driver();
-    let file = |measurement| file(&model, auxiliary, measurement);
+    let file = |measurement| parameter_file("diagnose", input, &model, auxiliary, measurement);
     let Some(linear) = found.hand_over.for_pc() else { return file(of_driver) };
     let mut text = file(&linear.measurement);
     if *of_driver != linear.measurement {
@@ -248,7 +223,7 @@ pub fn transferable_model(found: &Diagnosis) -> Outcome {
 impl DiagnosedLog<'_> {
     /// Returns the page of the diagnosis, for another page that contains it.
     pub fn page(&self) -> crate::report::Page {
-        diagnosis_page::page(&self.report())
+        diagnosis_page::page(self)
     }
 
     /// Returns `report.html`.
@@ -258,27 +233,13 @@ impl DiagnosedLog<'_> {
 
     /// Returns the first screen of `report.html` as an HTML fragment, for a notebook.
     pub fn first_screen(&self) -> String {
-        diagnosis_page::first_screen(&self.report())
-    }
-
-    fn report(&self) -> DiagnosisReport<'_> {
-        let Self { found, stochastic, input } = *self;
-        DiagnosisReport {
-            found,
-            stochastic,
-            data: &input.data,
-            split: &input.split,
-            hashes: &input.hashes,
-            columns: &input.columns,
-            skip: input.skip,
-            seed: input.seed,
-        }
+        diagnosis_page::first_screen(self)
     }
 
     /// Returns the result files: `diagnosis.json`, `report.html`, `params.toml`, `rows.parquet`.
     ///
     /// # Errors
-    /// See [`DiagnosedLog::json_text`].
+    /// See [`DiagnosedLog::document`].
     pub fn files(&self) -> Result<Files, ResultError> {
         let (mut files, predicted) = self.files_with(self.page_text(), |predicted| predicted)?;
         predicted.add_rows(&self.input.data, &mut files)?;
@@ -289,9 +250,9 @@ impl DiagnosedLog<'_> {
     /// gives the rows from `params.toml` and the log.
     ///
     /// # Errors
-    /// See [`DiagnosedLog::json_text`].
+    /// See [`DiagnosedLog::document`].
     pub fn short_files(&self) -> Result<Files, ResultError> {
-        let html = diagnosis_page::short_page(&self.report()).render();
+        let html = diagnosis_page::short_page(self).render();
         Ok(self.files_with(html, PredictedLog::without_rows)?.0)
     }
 
@@ -303,7 +264,7 @@ impl DiagnosedLog<'_> {
         let toml = parameter_text(self.found, self.input);
         let predicted = shown(PredictedLog::of_text(&toml, &self.input.data)?);
         let others = vec![("report.html", html.into_bytes()), ("params.toml", toml.into_bytes())];
-        let document = ("diagnosis.json", self.document_text(&predicted)?);
+        let document = ("diagnosis.json", pretty(&self.document_with(&predicted))?);
         Ok((Files { document, others }, predicted))
     }
 }
@@ -311,15 +272,11 @@ impl DiagnosedLog<'_> {
 /// Key of the stochastic extension, which is absent without its feature.
 const EXTENSION: &str = "stochastic_extension";
 
-/// Returns the document of a diagnosis. `hashes` are those of the files, in order.
-pub fn document(
-    found: &Diagnosis,
-    stochastic: &StochasticExtension,
-    data: &Dataset,
-    split: &Split,
-    hashes: &[String],
-) -> Value {
-    let mut about = sources(data, split, hashes);
+/// Returns the document of a diagnosis.
+fn document(diagnosed: &DiagnosedLog) -> Value {
+    let DiagnosedLog { found, stochastic, input } = *diagnosed;
+    let data = &input.data;
+    let mut about = sources(input);
     about["noise_floor"] = json!(finite(found.noise_floor));
     about["calibration"] = json!(ContestCalibration::current().name);
     about["naming_threshold"] = json!(NAMED);

@@ -30,11 +30,10 @@ pub use stochastic::stochastic_section;
 
 use super::page::{self as shared, FitReport, View};
 use super::ranking::{RankedCandidate, left_out_in_words, ranking};
+use crate::diagnosed_log::DiagnosedLog;
 use crate::report::{Block, Page, Section};
-use crate::stochastic::StochasticExtension;
-use friction_diagnose::{Diagnosis, summary};
+use friction_diagnose::summary;
 use friction_fit::{Predicted, autocorrelation_time, predict};
-use joint_log::{Dataset, Split};
 use rows::Rows;
 #[cfg(feature = "stochastic")]
 use serde_json::Value;
@@ -44,30 +43,9 @@ const MAX_CHART_CANDIDATES: usize = 20;
 /// Maximum number of candidates in the visible table; the others are in a collapsed block.
 const MAX_TABLE_CANDIDATES: usize = 12;
 
-/// The input of the page.
-#[derive(Clone, Copy)]
-pub struct DiagnosisReport<'a> {
-    /// The diagnosis.
-    pub found: &'a Diagnosis,
-    /// Its stochastic extension, for the page that is not short.
-    pub stochastic: &'a StochasticExtension,
-    /// All runs.
-    pub data: &'a Dataset,
-    /// Training and test parts.
-    pub split: &'a Split,
-    /// SHA-256 of each file, in the order of [`Dataset::files`].
-    pub hashes: &'a [String],
-    /// Column names of the file as given by `--columns`, `ours=theirs`.
-    pub columns: &'a [String],
-    /// Samples dropped at the start of each run.
-    pub skip: usize,
-    /// Seed of the diagnosis.
-    pub seed: u64,
-}
-
 /// A diagnosis with the derived values that the page shows.
 struct Scene<'a> {
-    about: DiagnosisReport<'a>,
+    about: DiagnosedLog<'a>,
     /// Both models (before, after) as on the page of `compare`.
     view: View<'a>,
     /// Held-out rows.
@@ -91,12 +69,12 @@ impl Scene<'_> {
 
     /// Returns "rad" or "m".
     fn position_unit(&self) -> &'static str {
-        self.about.data.joint.position_unit()
+        self.about.input.data.joint.position_unit()
     }
 
     /// Returns "rad/s" or "m/s".
     fn velocity_unit(&self) -> &'static str {
-        self.about.data.joint.velocity_unit()
+        self.about.input.data.joint.velocity_unit()
     }
 
     /// Returns "torque" or "force".
@@ -111,7 +89,7 @@ impl Scene<'_> {
 }
 
 /// Returns the page of a diagnosis.
-pub fn page(about: &DiagnosisReport) -> Page {
+pub fn page(about: &DiagnosedLog) -> Page {
     in_scene(about, |scene| page_of(scene, false))
 }
 
@@ -120,7 +98,7 @@ const SHORT_CURVE_POINTS: usize = 120;
 
 /// Returns a page of less than 100 kB, for one of thousands of diagnoses: without the charts of the remaining residual, of the
 /// state of motion and of the stochastic extension, and with fewer points in the others.
-pub fn short_page(about: &DiagnosisReport) -> Page {
+pub fn short_page(about: &DiagnosedLog) -> Page {
     let mut page = in_scene(about, |scene| page_of(scene, true));
     page.limit_points(SHORT_CURVE_POINTS);
     page
@@ -128,7 +106,7 @@ pub fn short_page(about: &DiagnosisReport) -> Page {
 
 /// Returns the first screen as an HTML fragment without scripts, for a notebook: the answers, the facts, the error that a
 /// model could remove as bars, and the summary.
-pub fn first_screen(about: &DiagnosisReport) -> String {
+pub fn first_screen(about: &DiagnosedLog) -> String {
     in_scene(about, |scene| {
         let mut page = opening(scene);
         page.push(Block::List(summary::summary(scene.about.found))).fragment()
@@ -136,20 +114,12 @@ pub fn first_screen(about: &DiagnosisReport) -> String {
 }
 
 /// Derives the values that the page shows, and passes them on.
-fn in_scene<R>(about: &DiagnosisReport, show: impl FnOnce(&Scene) -> R) -> R {
-    let DiagnosisReport { found, data, split, .. } = *about;
-    let log = &found.log;
+fn in_scene<R>(about: &DiagnosedLog, show: impl FnOnce(&Scene) -> R) -> R {
+    let DiagnosedLog { found, input, .. } = *about;
+    let (log, data, split) = (&found.log, &input.data, &input.split);
     let fits = [found.baseline.clone(), found.extended.clone()];
     let fits = if found.extended.spec == found.baseline.spec { &fits[..1] } else { &fits[..] };
-    let study = FitReport {
-        data,
-        split,
-        hashes: about.hashes,
-        test: log.test_rows(),
-        columns: about.columns,
-        skip: about.skip,
-        fits,
-    };
+    let study = FitReport { input, test: log.test_rows(), fits };
     // If every run is held out once, all rows are held-out rows.
     let on_train = (!log.leaves_each_out).then(|| {
         [&found.baseline, &found.extended]
@@ -187,7 +157,7 @@ fn page_of(scene: &Scene, is_short: bool) -> Page {
     page.add(log::log(scene)).add(gain(scene)).add(candidates(scene));
     page.add(predictions(scene)).add(evidence(scene));
     if is_short {
-        page.push(Block::paragraph(words::SHORT));
+        page.push(Block::Paragraph(words::SHORT.into()));
     } else {
         page.add(left_over(scene)).add(where_in_motion(scene));
     }
@@ -244,7 +214,7 @@ fn evidence(scene: &Scene) -> Section {
 
 fn left_over(scene: &Scene) -> Section {
     let (along, plain) = evidence::survey(scene);
-    let plain = [vec![Block::paragraph(words::PLAIN)], Block::rows(plain)].concat();
+    let plain = [vec![Block::Paragraph(words::PLAIN.into())], Block::rows(plain)].concat();
     let section = Section::new("Remaining residual")
         .words(words::left_over(scene))
         .chart(over_time::over_time(scene))

@@ -31,7 +31,7 @@ use friction_fit::{FitOptions, Measurement, Outcome, State, predict};
 use joint_log::JointKind;
 use joint_log::work;
 use judged::table_errors;
-use steady::SteadyModel;
+use steady::{Estimated, SteadyModel};
 use table::best_table;
 
 /// Minimum share of the path in the rarer direction.
@@ -55,8 +55,8 @@ pub struct FeedForward {
     table: Vec<TablePoint>,
     units: TableUnits,
     rigid_body: RigidBody,
-    /// Inertia and its standard error, kg m^2, if the log determines it.
-    inertia: Option<(f64, f64)>,
+    /// Inertia, kg m^2, if the log determines it.
+    inertia: Option<Estimated>,
     /// True if `--columns` reverses the sign of the torque.
     is_reversed: bool,
     /// Remarks for the user, one sentence each.
@@ -94,11 +94,12 @@ pub fn fit_for_feed_forward(input: &Prepared) -> Result<Outcome, Error> {
 fn has_blurred_offset(fit: &Outcome, input: &Prepared) -> bool {
     let form = fit.for_driver();
     let offset = form.estimates.iter().find(|estimate| estimate.id == Id::TorqueOffset);
-    let error = offset.and_then(|offset| offset.std_error).unwrap_or(0.0);
     let fastest = table::covered_speed(&input.train);
-    let level = steady::steady_torque(&form.parameters, fastest)
-        - steady::steady_torque(&form.parameters, -fastest);
-    error > MAX_OFFSET_ERROR_SHARE * 0.5 * level.abs()
+    let level = steady::torque_without_gravity(&form.parameters, fastest)
+        - steady::torque_without_gravity(&form.parameters, -fastest);
+    let most = MAX_OFFSET_ERROR_SHARE * 0.5 * level.abs();
+    // An offset without a standard error is not determined.
+    offset.is_some_and(|offset| offset.std_error.is_none_or(|error| error > most))
 }
 
 impl FeedForward {
@@ -118,7 +119,7 @@ impl FeedForward {
         let model = SteadyModel::new(fit);
         let rigid_body = RigidBody::of(&model.parameters);
         let error =
-            |table: &[TablePoint]| table_errors(table, &rigid_body, &input.train).metrics.sse;
+            |table: &[TablePoint]| table_errors(table, &rigid_body, input.train_rows()).metrics.sse;
         let table = best_table(&model, &input.train, error);
         let judged = Judged::new(fit, &table, input.test_rows());
         let file_name = |path: &std::path::PathBuf| {
@@ -153,7 +154,7 @@ impl FeedForward {
 
     /// Returns the torque per acceleration in the drive's units.
     fn inertia_in_units(&self) -> Option<f64> {
-        self.inertia.map(|(inertia, _)| self.units.speed_size * inertia)
+        self.inertia.map(|inertia| self.units.speed_size * inertia.value)
     }
 
     fn inertia_unit(&self) -> &'static str {
@@ -203,8 +204,8 @@ impl FeedForward {
                 "params.toml",
                 parameter_file("tune", input, fit, None, &Measurement::default()).into_bytes(),
             ));
-            if let (Drive::Moteus, Some((inertia, _))) = (self.drive, self.inertia) {
-                let line = format!("conf set servo.inertia_feedforward {inertia:.9}\n");
+            if let (Drive::Moteus, Some(inertia)) = (self.drive, self.inertia) {
+                let line = format!("conf set servo.inertia_feedforward {:.9}\n", inertia.value);
                 others.push(("moteus.cfg", line.into_bytes()));
             }
         }
@@ -217,12 +218,13 @@ impl FeedForward {
     }
 }
 
-/// Returns the inertia with its standard error, if the rows determine it.
-fn determined_inertia(fit: &Outcome) -> Option<(f64, f64)> {
+/// Returns the inertia, if the rows determine it.
+fn determined_inertia(fit: &Outcome) -> Option<Estimated> {
     let form = fit.for_driver();
     let inertia = form.estimates.iter().find(|estimate| estimate.id == Id::Inertia)?;
     let is_known = inertia.state == State::Determined && inertia.value > 0.0;
-    inertia.std_error.filter(|_| is_known).map(|std_error| (inertia.value, std_error))
+    let std_error = inertia.std_error.filter(|_| is_known)?;
+    Some(Estimated { value: inertia.value, std_error })
 }
 
 /// Refuses a log that hardly moves in one of the directions: the table has both.

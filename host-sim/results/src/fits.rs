@@ -1,6 +1,7 @@
 //! The result files of `identify` and `compare`.
 
 use crate::files::{Files, pretty};
+use crate::page::View;
 use crate::predicted::PredictedLog;
 use crate::provenance::parameter_file;
 use crate::{Comparison, FitReport, ResultError, compare_fits, document};
@@ -22,20 +23,12 @@ pub struct ComparisonFiles {
 }
 
 fn report<'a>(input: &'a Prepared, fits: &'a [Outcome]) -> FitReport<'a> {
-    FitReport {
-        data: &input.data,
-        split: &input.split,
-        hashes: &input.hashes,
-        test: input.test_rows(),
-        columns: &input.columns,
-        skip: input.skip,
-        fits,
-    }
+    FitReport { input, test: input.test_rows(), fits }
 }
 
 /// Returns the index of the recommended fit: the best on held-out rows, or the smallest one that is not significantly worse.
 pub(crate) fn recommended(fits: &[Outcome], input: &Prepared) -> usize {
-    compare_fits(&report(input, fits)).chosen
+    View::new(&report(input, fits)).chosen()
 }
 
 /// Returns `fit.json` of a fit beside plain friction.
@@ -58,7 +51,7 @@ fn fit_document_text(
     input: &Prepared,
     predicted: &PredictedLog,
 ) -> Result<String, ResultError> {
-    let mut document = document(&input.data, &input.split, &input.hashes, from_ref(fit));
+    let mut document = document(input, from_ref(fit));
     document["prediction"] = predicted.summary.clone();
     document["plain"] = json!({ "test_rmse": beside.plain.test.rmse });
     document["handed_over"] = json!(beside.handed_over.name());
@@ -103,7 +96,7 @@ pub fn comparison_files(
     fits: &[Outcome],
     input: &Prepared,
 ) -> Result<ComparisonFiles, ResultError> {
-    let mut document = document(&input.data, &input.split, &input.hashes, fits);
+    let mut document = document(input, fits);
     let Comparison { page, summary, chosen } = compare_fits(&report(input, fits));
     let best = &fits[chosen];
     document["chosen"] = json!(best.spec.to_string());

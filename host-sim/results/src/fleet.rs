@@ -47,7 +47,7 @@ pub const LEVELS: [&str; 3] = ["coulomb_torque", "static_torque", "viscous_frict
 /// Names of the parts of the rigid body whose sign is that of the direction, in the order of [`FleetRow::signed`].
 pub const SIGNED: [&str; 3] = ["torque_offset", "gravity_sine", "gravity_cosine"];
 
-/// A parameter of the fixed model.
+/// A parameter of the fixed model, or another estimate of a joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Level {
     /// Value, in Nm or Nm s/rad; N or N s/m for a prismatic joint.

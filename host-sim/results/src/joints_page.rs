@@ -34,7 +34,7 @@ pub fn page(joints: &[JointDiagnosis]) -> Page {
     if !faults.is_empty() {
         let text =
             format!("Faults of the log that explain most of the error: {}.", faults.join(", "));
-        page.push(Block::paragraph(text));
+        page.push(Block::Paragraph(text));
     }
     let caption = "Cause with its calibrated probability, the held-out error of the base model and of the extended one, and the \
                    share of the squared error that a model could remove which is removed. An empty share is not known. The joint \

@@ -4,10 +4,11 @@
 //! column. `nrmse_std` and `nrmse_range` are the RMSE divided by the standard deviation and by the range of the measured
 //! torque on the same rows. `driver_form` is the passive form in `params.toml`, if `params` give an active law. `bic` is `n ln(SSE/n) + k ln n` on the training rows.
 
+use friction_diagnose::prepare::Prepared;
 use friction_fit::params::unit;
 use friction_fit::{Estimate, Outcome};
+use joint_log::Dataset;
 use joint_log::log_check::{ColumnOverview, overview};
-use joint_log::{Dataset, Split};
 use serde_json::{Map, Value, json};
 
 pub(super) fn parameter(estimate: &Estimate, data: &Dataset) -> (String, Value) {
@@ -34,10 +35,10 @@ fn correlation(outcome: &Outcome) -> Map<String, Value> {
     all.map(|(i, estimate)| (estimate.id.name().to_owned(), row(i))).collect()
 }
 
-/// Returns the document of fits to a data set. `hashes` are those of the files, in order.
-pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcome]) -> Value {
+/// Returns the document of fits to a log.
+pub fn document(input: &Prepared, fits: &[Outcome]) -> Value {
     let parameters = |estimates: &[Estimate]| -> Map<_, _> {
-        estimates.iter().map(|estimate| parameter(estimate, data)).collect()
+        estimates.iter().map(|estimate| parameter(estimate, &input.data)).collect()
     };
     let model = |outcome: &Outcome| {
         let mut model = json!({
@@ -65,7 +66,7 @@ pub fn document(data: &Dataset, split: &Split, hashes: &[String], fits: &[Outcom
         model
     };
     let models: Vec<Value> = fits.iter().map(model).collect();
-    json!({ "schema": 1, "data": sources(data, split, hashes), "models": models })
+    json!({ "schema": 1, "data": sources(input), "models": models })
 }
 
 /// Describes a column as used, and its source in the file.
@@ -83,7 +84,8 @@ fn column(of: &ColumnOverview) -> Value {
 }
 
 /// Describes the data and their split.
-pub(super) fn sources(data: &Dataset, split: &Split, hashes: &[String]) -> Value {
+pub(super) fn sources(input: &Prepared) -> Value {
+    let Prepared { data, split, hashes, .. } = input;
     let files: Vec<String> = data.files.iter().map(|file| file.display().to_string()).collect();
     json!({
         "runs": data.runs.len(),

@@ -71,10 +71,13 @@ impl LevelTrend {
     /// # Errors
     /// One line that names the file.
     pub fn read(path: &Path) -> Result<Self, TrendError> {
-        let parsed = || match (std::fs::read_to_string(path)?, is_csv(path)) {
-            (text, Some(true)) => Self::parse_csv(&text)?.checked(),
-            (text, Some(false)) => Self::parse_json(&text)?.checked(),
-            (_, None) => Err(TrendFault::UnknownEnd),
+        let parsed = || {
+            let text = std::fs::read_to_string(path)?;
+            let parse = match Format::of(path)? {
+                Format::Csv => Self::parse_csv,
+                Format::Json => Self::parse_json,
+            };
+            parse(&text)?.checked()
         };
         parsed().map_err(|fault| TrendError { file: path.to_owned(), fault })
     }
@@ -84,20 +87,11 @@ impl LevelTrend {
     /// # Errors
     /// One line that names the file, if its name has another end.
     pub fn emit(&self, path: &Path) -> Result<String, TrendError> {
-        let text = match is_csv(path) {
-            Some(true) => Ok(self.emit_csv()),
-            Some(false) => self.emit_json().map_err(TrendFault::Emit),
-            None => Err(TrendFault::UnknownEnd),
-        };
+        let text = Format::of(path).and_then(|format| match format {
+            Format::Csv => Ok(self.emit_csv()),
+            Format::Json => pretty(self).map_err(TrendFault::Emit),
+        });
         text.map_err(|fault| TrendError { file: path.to_owned(), fault })
-    }
-
-    /// Returns the JSON document.
-    ///
-    /// # Errors
-    /// One line, if a number is not finite.
-    pub fn emit_json(&self) -> Result<String, ResultError> {
-        pretty(self)
     }
 
     fn parse_json(text: &str) -> Result<Self, TrendFault> {
@@ -176,10 +170,22 @@ impl LevelTrend {
     }
 }
 
-/// Returns true for a CSV file, false for JSON, `None` for another end of the name.
-fn is_csv(path: &Path) -> Option<bool> {
-    let end = path.extension()?.to_str()?.to_lowercase();
-    ["json", "csv"].iter().position(|known| *known == end).map(|at| at == 1)
+/// Format of a file.
+enum Format {
+    Json,
+    Csv,
+}
+
+impl Format {
+    /// Returns the format by the end of a name.
+    fn of(path: &Path) -> Result<Self, TrendFault> {
+        let end = path.extension().unwrap_or_default().to_ascii_lowercase();
+        match end.to_str() {
+            Some("json") => Ok(Self::Json),
+            Some("csv") => Ok(Self::Csv),
+            _ => Err(TrendFault::UnknownEnd),
+        }
+    }
 }
 
 /// Why a file is not a trend.
@@ -267,7 +273,7 @@ mod tests {
         use serde_json::Value;
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../schemas/trend.schema.json");
         let schema: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-        let document: Value = serde_json::from_str(&trend().emit_json().unwrap()).unwrap();
+        let document: Value = serde_json::from_str(&pretty(&trend()).unwrap()).unwrap();
         let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
         assert_eq!(keys(&document), keys(&schema["properties"]));
         let entry = &schema["properties"]["entries"]["items"];

@@ -14,6 +14,7 @@
 //! - [`write_atomically`]: writes a file completely or not at all.
 
 pub mod budget;
+mod diagnosed_log;
 pub mod diagnosis;
 #[cfg(feature = "pages")]
 pub mod diagnosis_page;
@@ -26,6 +27,7 @@ mod files;
 pub mod fits;
 #[cfg(feature = "fleet")]
 pub mod fleet;
+#[cfg(feature = "pages")]
 pub mod joints_page;
 pub mod json;
 #[cfg(feature = "fleet")]
@@ -47,6 +49,7 @@ pub mod scope;
 #[cfg(all(test, feature = "fleet"))]
 #[path = "../../../tests/snapshot.rs"]
 mod snapshot;
+mod steady_torque;
 pub mod stochastic;
 #[cfg(feature = "rows")]
 pub mod table_file;

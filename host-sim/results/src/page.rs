@@ -17,9 +17,10 @@ pub(super) mod words;
 
 use crate::report::{Answers, Benefit, Block, Chart, Page, Section};
 use compensator_core::LawKind;
+use friction_diagnose::prepare::Prepared;
 use friction_fit::{Outcome, Rows};
 use held_out::HeldOut;
-use joint_log::{Dataset, JointKind, Split};
+use joint_log::JointKind;
 
 /// Number of best models that are visible.
 const VISIBLE_MODELS: usize = 3;
@@ -27,18 +28,10 @@ const VISIBLE_MODELS: usize = 3;
 /// The input of the page.
 #[derive(Clone, Copy)]
 pub struct FitReport<'a> {
-    /// All runs.
-    pub data: &'a Dataset,
-    /// Training and test parts.
-    pub split: &'a Split,
-    /// SHA-256 of each file, in the order of [`Dataset::files`].
-    pub hashes: &'a [String],
-    /// The held-out rows, as tracks of [`Split::test`].
+    /// The log.
+    pub input: &'a Prepared,
+    /// The held-out rows, as tracks of the test part of its split.
     pub test: Rows<'a>,
-    /// Column names of the file as given by `--columns`, `ours=theirs`.
-    pub columns: &'a [String],
-    /// Samples dropped at the start of each run.
-    pub skip: usize,
     /// The fits, at least one.
     pub fits: &'a [Outcome],
 }
@@ -76,7 +69,7 @@ impl<'a> View<'a> {
     }
 
     /// Returns the recommended model: the best one, or the smallest one that is not significantly worse.
-    fn chosen(&self) -> usize {
+    pub(super) fn chosen(&self) -> usize {
         let size = |fit: usize| fitted(self.fit(fit)).count();
         let smaller = self.equals().into_iter().filter(|&fit| size(fit) < size(self.best()));
         smaller.min_by_key(|&fit| size(fit)).unwrap_or(self.best())
@@ -102,7 +95,7 @@ impl<'a> View<'a> {
 
     /// Returns "torque" or "force".
     pub(super) fn torque(&self) -> &'static str {
-        match self.study.data.joint {
+        match self.study.input.data.joint {
             JointKind::Revolute => "torque",
             JointKind::Prismatic => "force",
         }
@@ -110,7 +103,7 @@ impl<'a> View<'a> {
 
     /// Returns "Nm" or "N".
     pub(super) fn unit(&self) -> &'static str {
-        self.study.data.joint.torque_unit()
+        self.study.input.data.joint.torque_unit()
     }
 }
 

@@ -78,13 +78,13 @@ impl ScopeResult {
         self.signals.iter().enumerate().map(of_signal).collect()
     }
 
-    /// Returns the document with settings and statistics.
+    /// Returns all files. The document has settings and statistics.
     ///
     /// # Errors
-    /// One line, if a value cannot be represented in JSON.
-    pub fn document(&self) -> Result<String, ResultError> {
+    /// One line, if a file cannot be written in its format.
+    pub fn files(&self) -> Result<Files, ResultError> {
         let trigger_rows = self.captures.iter().map(|capture| capture.trigger_row);
-        pretty(&json!({
+        let document = json!({
             "schema": 1,
             "joint": self.joint,
             "trigger": self.trigger,
@@ -93,18 +93,11 @@ impl ScopeResult {
             "rows": self.rows(),
             "trigger_rows": trigger_rows.collect::<Vec<_>>(),
             "signals": self.summary(),
-        }))
-    }
-
-    /// Returns all files.
-    ///
-    /// # Errors
-    /// One line, if a file cannot be written in its format.
-    pub fn files(&self) -> Result<Files, ResultError> {
+        });
         let table = self.table().emit(TableFormat::Parquet)?;
         let page = self.page().render().into_bytes();
         Ok(Files {
-            document: ("scope.json", self.document()?),
+            document: ("scope.json", pretty(&document)?),
             others: vec![(ROWS_FILE, table), ("scope.html", page)],
         })
     }

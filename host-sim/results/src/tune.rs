@@ -86,6 +86,21 @@ pub struct TuneGain {
     pub ci95: [f64; 2],
 }
 
+impl TuneGain {
+    /// Returns the change with its interval.
+    fn in_words(&self) -> String {
+        let Self { quantity, unit, before, after, .. } = self;
+        let [low, high] = self.ci95.map(|share| 100.0 * share);
+        format!(
+            "{}: {before:.4} {unit} -> {after:.4} {unit} ({:+.0} %, 95 % interval {:+.0} to {:+.0} %)",
+            quantity.in_words(),
+            -100.0 * self.gain,
+            -high,
+            -low
+        )
+    }
+}
+
 /// A motion that was performed to learn from it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TuneRound {
@@ -303,5 +318,31 @@ impl TuneReport {
             document["why_not"] = json!(why);
         }
         document
+    }
+    /// Returns the result as lines for a terminal.
+    pub fn text(&self) -> String {
+        let mut text = match &self.outcome {
+            TuneOutcome::Saved => {
+                "The joint moves better, and the new parameters are saved.\n".to_owned()
+            }
+            TuneOutcome::Returned(why) => format!("The former parameters are active: {why}.\n"),
+        };
+        self.gains.iter().for_each(|gain| text += &format!("  {}\n", gain.in_words()));
+        let TuneParts { loop_gains, friction_model } = &self.parts;
+        if !loop_gains.is_empty() && !friction_model.is_empty() {
+            for (name, gains) in
+                [("by the loop gains", loop_gains), ("then by the friction model", friction_model)]
+            {
+                text += &format!("  {name}:\n");
+                // The current follows from both, and the time stuck from the errors.
+                let errors = gains.iter().take(2);
+                errors.for_each(|gain| text += &format!("    {}\n", gain.in_words()));
+            }
+        }
+        text += &format!("  cause: {}, probability {:.2}\n", self.cause, self.probability);
+        for (name, lines) in [("warning", &self.warnings), ("not learnt", &self.not_learnt)] {
+            lines.iter().for_each(|line| text += &format!("  {name}: {line}\n"));
+        }
+        text
     }
 }

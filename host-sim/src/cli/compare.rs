@@ -4,10 +4,6 @@ use super::each_joint::{JointResult, each_joint};
 use super::error::Result;
 use super::identify::{KnownMachine, choices};
 use super::input::DataArguments;
-#[cfg(feature = "papers")]
-use super::inside;
-#[cfg(not(feature = "papers"))]
-use super::missing_feature::refusal;
 use super::network;
 use super::output::OutputArguments;
 use super::table;
@@ -46,9 +42,13 @@ pub struct CompareArguments {
     output: OutputArguments,
 }
 
-/// Default models for `--inside`.
+/// Returns the models for `--inside`.
 #[cfg(feature = "papers")]
-const MACHINE_MODELS: [&str; 4] = ["linear", "extended", "atan", "lugre"];
+fn machine_models(arguments: &CompareArguments) -> Vec<String> {
+    let default = || ["linear", "extended", "atan", "lugre"].map(str::to_owned).to_vec();
+    if arguments.models.is_empty() { default() } else { arguments.models.clone() }
+}
+
 /// Number of starting points of each fit for `--inside`.
 #[cfg(feature = "papers")]
 const MACHINE_FIT_STARTS: usize = 3;
@@ -66,21 +66,22 @@ fn specs(arguments: &CompareArguments) -> Result<Vec<Spec>> {
 
 /// Runs the command.
 pub fn run(arguments: &CompareArguments) -> Result {
-    #[cfg(feature = "papers")]
+    let CompareArguments { data, output, .. } = arguments;
     if let Some(KnownMachine::Manipulator) = arguments.inside {
-        let all = || MACHINE_MODELS.map(str::to_owned).to_vec();
-        let models = if arguments.models.is_empty() { all() } else { arguments.models.clone() };
-        let data = &arguments.data;
-        let output = &arguments.output.of_run("compare", &data.log.data);
-        return inside::run(data, output, &models, MACHINE_FIT_STARTS, "compare.json");
-    }
-    #[cfg(not(feature = "papers"))]
-    if arguments.inside.is_some() {
-        return Err(refusal("--inside", "papers").into());
+        #[cfg(not(feature = "papers"))]
+        return Err(super::missing_feature::refusal("--inside", "papers").into());
+        #[cfg(feature = "papers")]
+        return super::inside::run(
+            data,
+            &output.of_run("compare", &data.log.data),
+            &machine_models(arguments),
+            MACHINE_FIT_STARTS,
+            "compare.json",
+        );
     }
     let specs = specs(arguments)?;
     let chosen = choices(Choices::default(), &arguments.choices)?;
-    each_joint("compare", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
+    each_joint("compare", data, output, &SplitRule::default(), |input| {
         compare(input, &specs, chosen)
     })
 }

@@ -15,22 +15,20 @@ use super::table;
 use crate::driver_file;
 use crate::simulated;
 use compensator_core::can::NodeId;
-use friction_diagnose::prepare::file_sha256;
+use friction_diagnose::prepare::{PrepareOptions, Prepared, Source, prepare};
 use friction_diagnose::summary::summary;
-use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose};
-use friction_fit::{Measurement, params};
-use friction_results::diagnosis;
-use friction_results::diagnosis_page::{self, DiagnosisReport};
+use friction_diagnose::{Diagnosis, diagnose};
+use friction_results::diagnosis::{DiagnosedLog, parameter_text};
 use friction_results::stochastic::StochasticExtension;
 use joint_bus::replay::{Plan, ReplaySetup, Tally, in_process};
 use joint_log::number::figure;
 use joint_log::work;
-use joint_log::{Dataset, EmitOptions, ReadOptions, Split, SplitRule, emit, read, split};
+use joint_log::{EmitOptions, SplitRule, emit};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
 use simulated_machines::scenarios::{HiddenCause, Options, Scenario, draw_with};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Arguments of `demo`.
@@ -75,87 +73,48 @@ pub fn run(arguments: &DemoArguments) -> Result {
         "Simulating an underwater joint with one hidden effect that the friction model does not contain. \
          The effect is shown at the end. (--seed {seed} repeats this demo.)"
     ))?;
-    let bar = spinner("simulating and recording".into());
-    let options = Options { runs: Some(RUN_COUNT), ..Options::default() };
-    let scenario = draw_with(&[effect(seed).into()], seed, &options);
-    let truth = pretty(&scenario.truth.json())?;
-    record(&scenario, &truth, output)?;
-    bar.finish_and_clear();
+    let scenario = simulate(seed, output)?;
     printer.step(&format!(
         "Recorded {} runs with {} rows in all; the CAN traffic is in {}/trace.log.",
         scenario.log.runs.len(),
         scenario.log.rows(),
         out.display()
     ))?;
-
-    let bar = spinner("reading the recording".into());
-    let (data, parts, hash) = read_recording(&out.join("trace.log"))?;
-    bar.finish_and_clear();
+    let input = &read_recording(out.join("trace.log"), seed)?;
     printer.step(&format!(
         "Read {} rows back from the recording; all following steps use only these. Each of the {} runs is held out once: the models are tested on it after a fit to the other runs.",
-        data.rows,
-        data.runs.len()
+        input.data.rows,
+        input.data.runs.len()
     ))?;
-    let question = DiagnosisOptions { seed, ..DiagnosisOptions::default() };
-    let diagnosis = || {
-        let found = diagnose(&data, &parts, &question, &work::report_stage)?;
+    let (found, stochastic) = in_stages(0, || {
+        let found = diagnose(&input.data, &input.split, &input.question(), &work::report_stage)?;
         let stochastic = StochasticExtension::new(&found, seed, &work::report_stage);
         Ok::<_, CommandError>((found, stochastic))
-    };
-    let (found, stochastic) = in_stages(0, diagnosis)?;
+    })?;
     printer.step(&format!(
         "Fitted {} and evaluated {} candidate causes{}.",
         found.baseline.spec,
         found.candidates.len(),
         describe_extension(&found)
     ))?;
-
-    let bar = spinner("writing the report".into());
-    let hashes = std::slice::from_ref(&hash);
-    let value = diagnosis::document(&found, &stochastic, &data, &parts, hashes);
-    let toml = diagnosis::handed_over_text(&found, |model, auxiliary, measurement| {
-        let mut text = params::emit(model, &data, auxiliary);
-        measurement.emit(Measurement::OF_FILE, &mut text);
-        text
-    });
-    let about = DiagnosisReport {
-        found: &found,
-        stochastic: &stochastic,
-        data: &data,
-        split: &parts,
-        hashes,
-        columns: &[],
-        skip: 0,
-        seed,
-    };
-    let html = diagnosis_page::page(&about).render();
-    let json = pretty(&value)?;
-    output.write(&[
-        ("report.html", html.as_bytes()),
-        ("diagnosis.json", json.as_bytes()),
-        ("params.toml", toml.as_bytes()),
-    ])?;
-    bar.finish_and_clear();
+    let diagnosed = DiagnosedLog { found: &found, stochastic: &stochastic, input };
+    let diagnosis = write_results(&diagnosed, output)?;
     printer.step("Wrote the report.")?;
-    let bar = spinner("replaying the recording".into());
-    let replay = replay_on_driver(&out.join("trace.log"), &toml);
-    bar.finish_and_clear();
+    let replay = replay_on_driver(&out.join("trace.log"), &out.join("params.toml"));
     printer.step(&describe_replay(&replay))?;
 
     let answer = Answer::of(&scenario, &found);
     if output.json {
-        return print_text(&pretty(&json_result(seed, &scenario, &answer, value, &replay))?);
+        return print_text(&pretty(&json_result(seed, &scenario, &answer, diagnosis, &replay))?);
     }
-    let mut text = "\nDiagnosis of the recording:\n".to_owned();
-    text += &table::numbered(&summary(&found));
-    text += &format!("\n{}\n", describe_truth(&scenario, &found, &answer));
-    text += &format!(
-        "\nFinished in {:.0} s. Open {out}/report.html for the report. Other files in {out}: diagnosis.json, params.toml, data.csv, \
-         trace.log, truth.json.\n",
+    print_formatted(&format!(
+        "\nDiagnosis of the recording:\n{}\n{}\n\nFinished in {:.0} s. Open {out}/report.html for the report. \
+         Other files in {out}: diagnosis.json, params.toml, data.csv, trace.log, truth.json.\n",
+        table::numbered(&summary(&found)),
+        describe_truth(&scenario, &found, &answer),
         printer.begin.elapsed().as_secs_f64(),
         out = out.display()
-    );
-    print_formatted(&text)
+    ))
 }
 
 fn seed_from_clock() -> u64 {
@@ -172,28 +131,44 @@ fn effect(seed: u64) -> HiddenCause {
     known[Pcg64::seed_from_u64(seed).random_range(0..known.len())]
 }
 
-/// Writes the simulated log as `data.csv` and as CAN traffic in `trace.log`, and the truth in `truth.json`.
-fn record(scenario: &Scenario, truth: &str, output: &OutputArguments) -> Result {
+/// Simulates the joint, and writes its log as `data.csv` and as CAN traffic in `trace.log`, and the truth in `truth.json`.
+fn simulate(seed: u64, output: &OutputArguments) -> Result<Scenario> {
+    let bar = spinner("simulating and recording".into());
+    let options = Options { runs: Some(RUN_COUNT), ..Options::default() };
+    let scenario = draw_with(&[effect(seed).into()], seed, &options);
     let mut log = Vec::new();
     let data = simulated::dataset(&scenario.log);
     // The CAN traffic has room for one covariate besides the standard quantities.
     let auxiliary = data.covariates.first().cloned();
     let options = EmitOptions { auxiliary, ..EmitOptions::default() };
     emit(&data, &options, &mut log)?;
-    let csv = scenario.log.csv();
     output.write(&[
-        ("data.csv", csv.as_bytes()),
+        ("data.csv", scenario.log.csv().as_bytes()),
         ("trace.log", &log),
-        ("truth.json", truth.as_bytes()),
-    ])
+        ("truth.json", pretty(&scenario.truth.json())?.as_bytes()),
+    ])?;
+    bar.finish_and_clear();
+    Ok(scenario)
 }
 
-/// Reads and splits the recording as `diagnose` does. Returns data, split and SHA-256.
-fn read_recording(file: &Path) -> Result<(Dataset, Split, String)> {
-    let files = [file.to_owned()];
-    let data = read(&files, &ReadOptions::default(), &|_, _| {})?;
-    let parts = split(&data, &SplitRule::LeaveOneRunOut, 0)?;
-    Ok((data, parts, file_sha256(file)?))
+/// Reads, checks and splits the recording as `diagnose` does.
+fn read_recording(trace: PathBuf, seed: u64) -> Result<Prepared> {
+    let split = SplitRule::LeaveOneRunOut;
+    let options = PrepareOptions { split, seed, ..PrepareOptions::default() };
+    Ok(in_stages(0, || prepare(&Source::Files(vec![trace]), &options))?)
+}
+
+/// Writes the files of `diagnose` without the table of the rows. Returns the document.
+fn write_results(diagnosed: &DiagnosedLog, output: &OutputArguments) -> Result<Value> {
+    let bar = spinner("writing the report".into());
+    let document = diagnosed.document()?;
+    output.write(&[
+        ("report.html", diagnosed.page_text().as_bytes()),
+        ("diagnosis.json", pretty(&document)?.as_bytes()),
+        ("params.toml", parameter_text(diagnosed.found, diagnosed.input).as_bytes()),
+    ])?;
+    bar.finish_and_clear();
+    Ok(document)
 }
 
 /// Describes the extended model and its gain, as the end of a sentence.
@@ -207,18 +182,14 @@ fn describe_extension(found: &Diagnosis) -> String {
 
 /// Writes the extended model to a joint driver in this process and replays the recording to it. The driver runs the
 /// firmware's code.
-fn replay_on_driver(trace: &Path, toml: &str) -> Result<Tally> {
-    let friction = driver_file::parse(toml)?.friction();
+fn replay_on_driver(trace: &Path, parameters: &Path) -> Result<Tally> {
+    let bar = spinner("replaying the recording".into());
+    let friction = Some(driver_file::read(parameters)?.friction());
     let plan = Plan::read(trace, NodeId::FIRST)?;
     let period_s = plan.period_s as f32;
-    let setup = ReplaySetup {
-        friction: Some(friction),
-        network: None,
-        number: None,
-        period_s,
-        adaptation: None,
-    };
+    let setup = ReplaySetup { friction, network: None, number: None, period_s, adaptation: None };
     let played = in_process(&plan, NodeId::FIRST, &setup)?;
+    bar.finish_and_clear();
     Ok(played.tally)
 }
 
@@ -243,8 +214,15 @@ struct Answer {
     confusable: Vec<&'static str>,
     /// True if the first named cause is hidden.
     is_right: bool,
-    /// Estimated size, and true if the true size lies in its interval; `None` if the answer is not right.
-    size: Option<(f64, bool)>,
+    /// `None` if the answer is not right.
+    size: Option<EstimatedSize>,
+}
+
+/// The size of the first named cause.
+struct EstimatedSize {
+    value: f64,
+    /// True if the true size lies in the 95 % interval.
+    is_truth_inside: bool,
 }
 
 impl Answer {
@@ -261,7 +239,10 @@ impl Answer {
         let size = first.zip(scenario.truth.hidden.first()).filter(|_| is_right);
         let size = size.map(|(finding, truth)| {
             let [low, high] = finding.size.ci95();
-            (finding.size.value, (low..=high).contains(&truth.size))
+            EstimatedSize {
+                value: finding.size.value,
+                is_truth_inside: (low..=high).contains(&truth.size),
+            }
         });
         Self { hidden, named, confusable, is_right, size }
     }
@@ -297,8 +278,8 @@ fn describe_truth(scenario: &Scenario, found: &Diagnosis, answer: &Answer) -> St
             format!("The diagnosis was wrong: it named {named}{but}.")
         }
     };
-    if let Some((value, is_inside)) = answer.size {
-        let inside = if is_inside { "inside" } else { "outside" };
+    if let Some(EstimatedSize { value, is_truth_inside }) = answer.size {
+        let inside = if is_truth_inside { "inside" } else { "outside" };
         text += &format!(
             " The estimated size is {}; the true size is {inside} the 95 % confidence interval.",
             figure(value)
@@ -325,7 +306,7 @@ fn json_result(
         "hidden": answer.hidden,
         "named": answer.named,
         "right": answer.is_right,
-        "size_inside_ci95": answer.size.map(|(_, is_inside)| is_inside),
+        "size_inside_ci95": answer.size.as_ref().map(|size| size.is_truth_inside),
         "truth": scenario.truth.json(),
         "replay": replay,
         "diagnosis": diagnosis,

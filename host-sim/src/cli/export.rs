@@ -1,7 +1,7 @@
 //! `export`: writes a fitted model for a user's own control loop, a driver's flash, or a simulator.
 
 use super::error::{CommandError, Result, in_part};
-use super::output::{OutputArguments, pretty, print_text};
+use super::output::{OutputArguments, pretty};
 use super::values::{expected, one_of};
 use super::words::text_in_options;
 use crate::driver_file;
@@ -95,16 +95,11 @@ pub fn run(arguments: &ExportArguments) -> Result {
     let further = exported.further_files.iter().map(|(name, content)| (*name, content.as_slice()));
     let files: Vec<(&str, &[u8])> =
         std::iter::once((name, exported.content.as_slice())).chain(further).collect();
-    arguments.output.write(&files)?;
     let paths: Vec<PathBuf> =
         files.iter().map(|(name, _)| arguments.output.folder().join(name)).collect();
-    if arguments.output.json {
-        let result = json!({
-            "schema": 1, "file": paths[0], "files": paths, "model": file.spec.full_name(), "notes": exported.notes,
-        });
-        return print_text(&pretty(&result)?);
-    }
+    let document = json!({
+        "schema": 1, "file": paths[0], "files": paths, "model": file.spec.full_name(), "notes": exported.notes,
+    });
     let notes: String = exported.notes.iter().map(|note| format!("- {note}\n")).collect();
-    let paths: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
-    print_text(&format!("{notes}written: {}\n", paths.join(", ")))
+    arguments.output.finish(&files, &pretty(&document)?, &notes)
 }

@@ -9,7 +9,7 @@ use joint_log::SplitRule;
 use std::path::PathBuf;
 
 /// How models are fitted to logs and judged on them.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Fit and held-out rows")]
 pub struct FitArguments {
     /// Rigid-body parts of the torque besides friction: inertia,gravity,load,offset,delay,gain
@@ -43,18 +43,6 @@ pub struct FitArguments {
 }
 
 impl FitArguments {
-    /// Returns the arguments of a command that fits no model.
-    pub fn without_fit() -> Self {
-        Self {
-            rigid_body: String::new(),
-            test: Vec::new(),
-            hold_out: None,
-            tail: None,
-            decimate: 1,
-            loss: LossChoice::Squares,
-            seed: 0,
-        }
-    }
     /// Completes the options of reading with those of the fit. `default_split` applies if the user gives no split.
     ///
     /// # Errors
@@ -68,7 +56,7 @@ impl FitArguments {
             split: self.split_rule(default_split)?,
             seed: self.seed,
             rigid_body: parse_rigid_body(&self.rigid_body)?,
-            decimate: self.decimate as usize,
+            decimate: self.decimate.max(1) as usize,
             loss: match self.loss {
                 LossChoice::Auto => None,
                 LossChoice::Squares => Some(Loss::Squares),
@@ -91,9 +79,10 @@ impl FitArguments {
 }
 
 /// Loss of the fits.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(clap::ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LossChoice {
     /// Huber's loss if the torque has many spikes, else squares.
+    #[default]
     Auto,
     /// Squared errors.
     Squares,

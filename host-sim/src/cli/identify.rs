@@ -3,10 +3,6 @@
 use super::each_joint::{JointResult, each_joint};
 use super::error::{Result, found, unfit};
 use super::input::DataArguments;
-#[cfg(feature = "papers")]
-use super::inside;
-#[cfg(not(feature = "papers"))]
-use super::missing_feature::refusal;
 use super::network::{self, NetworkArguments};
 use super::output::OutputArguments;
 use super::table;
@@ -103,38 +99,31 @@ pub fn run(arguments: &IdentifyArguments) -> Result {
     if arguments.model.is_empty() {
         return Err(found("--model", "no model", "one, such as --model lugre"));
     }
-    #[cfg(feature = "papers")]
+    let IdentifyArguments { data, output, .. } = arguments;
     if let Some(KnownMachine::Manipulator) = arguments.inside {
-        let models = std::slice::from_ref(&arguments.model);
-        let data = &arguments.data;
-        let output = &arguments.output.of_run("identify", &data.log.data);
-        return inside::run(data, output, models, arguments.starts, "fit.json");
-    }
-    #[cfg(not(feature = "papers"))]
-    if arguments.inside.is_some() {
-        return Err(refusal("--inside", "papers").into());
-    }
-    #[cfg(not(feature = "network"))]
-    if arguments.model == network::MODEL {
-        return Err(network::refusal());
-    }
-    #[cfg(feature = "network")]
-    if arguments.model == network::MODEL {
-        return each_joint(
-            "identify",
-            &arguments.data,
-            &arguments.output,
-            &SplitRule::default(),
-            |input| {
-                let fit = &arguments.data.fit;
-                network::identify(&arguments.network, fit, arguments.starts, input)
-            },
+        #[cfg(not(feature = "papers"))]
+        return Err(super::missing_feature::refusal("--inside", "papers").into());
+        #[cfg(feature = "papers")]
+        return super::inside::run(
+            data,
+            &output.of_run("identify", &data.log.data),
+            std::slice::from_ref(&arguments.model),
+            arguments.starts,
+            "fit.json",
         );
+    }
+    if arguments.model == network::MODEL {
+        #[cfg(not(feature = "network"))]
+        return Err(network::refusal());
+        #[cfg(feature = "network")]
+        return each_joint("identify", data, output, &SplitRule::default(), |input| {
+            network::identify(&arguments.network, &data.fit, arguments.starts, input)
+        });
     }
     let input_spec = Spec::parse(&arguments.model)?;
     let fixed = parse_parameter_names("--keep", &arguments.keep)?;
     let freed = parse_parameter_names("--free", &arguments.free)?;
-    each_joint("identify", &arguments.data, &arguments.output, &SplitRule::default(), |input| {
+    each_joint("identify", data, output, &SplitRule::default(), |input| {
         fit_joint(arguments, input, input_spec.clone(), fixed.clone(), freed.clone())
     })
 }

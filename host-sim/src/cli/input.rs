@@ -136,12 +136,6 @@ pub enum LogInputs {
     Several(Vec<(String, Prepared)>),
 }
 
-/// The joints of a log.
-struct SeveralJoints {
-    column: String,
-    joints: Vec<String>,
-}
-
 impl DataArguments {
     /// Reads, checks and splits the log of one joint, or of each joint of a log with several. `default_split` applies if
     /// the user gives no split.
@@ -149,45 +143,26 @@ impl DataArguments {
     /// # Errors
     /// Returns one line for the user.
     pub fn read(&self, default_split: &SplitRule) -> Result<LogInputs> {
-        let (column, joints) = match self.read_one(default_split, None)? {
-            Ok(input) => return Ok(LogInputs::One(Box::new(input))),
-            Err(SeveralJoints { column, joints }) => (column, joints),
+        let options = self.options(default_split)?;
+        let (column, joints) = match self.read_one(&options, None) {
+            Err(Error::Data(DataError::SeveralJoints { column, joints, .. })) => (column, joints),
+            input => return Ok(LogInputs::One(Box::new(input?))),
         };
         let each = joints.into_iter().map(|joint| {
-            let mut alone = self.clone();
-            let is_other = |text: &String| {
-                text.split_once('=').is_none_or(|(known, _)| known.trim() != column)
-            };
-            alone.log.only.retain(is_other);
-            alone.log.only.push(format!("{column}={joint}"));
-            let part = format!("joint {joint}");
-            match alone.read_one(default_split, Some(&joint)).map_err(in_part(&part))? {
-                Ok(input) => Ok((joint, input)),
-                Err(SeveralJoints { column, joints }) => {
-                    let several = format!("several in {column} ({})", joints.join(", "));
-                    Err(found(part, several, "one"))
-                }
-            }
+            let mut alone = options.clone();
+            alone.read.only.retain(|(known, _)| *known != column);
+            alone.read.only.push((column.clone(), vec![joint.clone()]));
+            let input = self.read_one(&alone, Some(&joint));
+            let input = input.map_err(in_part(format!("joint {joint}")))?;
+            Ok((joint, input))
         });
         each.collect::<Result<_>>().map(LogInputs::Several)
     }
 
-    /// Reads the log of one joint. `joint` is its name if the log has several. Returns the joints of a log with several, of
-    /// which none is selected.
-    fn read_one(
-        &self,
-        default_split: &SplitRule,
-        joint: Option<&str>,
-    ) -> Result<Result<Prepared, SeveralJoints>> {
+    /// Reads the log of one joint, which is the only one or has this name.
+    fn read_one(&self, options: &PrepareOptions, joint: Option<&str>) -> Result<Prepared, Error> {
         let files: Vec<PathBuf> = self.log.data.iter().chain(&self.fit.test).cloned().collect();
-        let options = self.options(default_split)?;
-        let read = in_stages(self.log.threads, || prepare(&Source::Files(files), &options));
-        let mut input = match read {
-            Err(Error::Data(DataError::SeveralJoints { column, joints, .. })) => {
-                return Ok(Err(SeveralJoints { column, joints }));
-            }
-            read => read?,
-        };
+        let mut input = in_stages(self.log.threads, || prepare(&Source::Files(files), options))?;
         input.joint = joint.map(str::to_owned);
         // Printed after the last possible error, so that an error stays the only line.
         print_log(&input);
@@ -198,7 +173,7 @@ impl DataArguments {
             let line = format!("the loss is huber because {reason}; --loss squares changes it");
             print_lines(&input, [line].into_iter());
         }
-        Ok(Ok(input))
+        Ok(input)
     }
 
     /// Returns how a log is read, checked and split.

@@ -4,10 +4,11 @@ use super::error::{Result, found, unfit};
 use super::input::{DataArguments, LogInputs};
 use super::output::{OutputArguments, pretty};
 use super::progress::in_stages;
+use friction_diagnose::prepare::Prepared;
 use friction_fit::params::emit_model;
-use joint_log::SplitRule;
 use joint_log::number::significant;
 use joint_log::work;
+use joint_log::{Part, SplitRule};
 use published_experiments::coupled::{ArmLog, InsideFit, model};
 use serde_json::{Value, json};
 
@@ -31,18 +32,7 @@ pub fn run(
         }
     };
     let logs: Vec<_> = joints.iter().map(|(name, input)| (name.clone(), &input.data)).collect();
-    let (_, first) = &joints[0];
-    let runs = &first.data.runs;
-    let held_out: Vec<&str> =
-        first.split.test.iter().map(|part| runs[part.run].name.as_str()).collect();
-    let mixed = first.split.train.iter().find(|part| held_out.contains(&&*runs[part.run].name));
-    if let Some(part) = mixed {
-        let name = &runs[part.run].name;
-        return Err(unfit(
-            "--inside manipulator",
-            format!("only a part of run {name} is held out, expected whole runs"),
-        ));
-    }
+    let held_out = held_out_runs(&joints[0].1)?;
     let log = ArmLog::new(&logs, &held_out, starts)?;
     let mut fits = in_stages(data.log.threads, || {
         let fits = models.into_iter().map(|model| {
@@ -68,8 +58,29 @@ pub fn run(
         let kind = joints[at].1.data.joint;
         files.push((format!("joint-{name}/params.toml"), emit_model(&best.joint(at), kind)));
     }
+    let text = text(&fits, &names);
+    let files: Vec<(&str, &[u8])> =
+        files.iter().map(|(name, text)| (&**name, text.as_bytes())).collect();
+    output.finish(&files, &json, &text)
+}
+
+/// Returns the names of the held-out runs. The arm is simulated over whole runs.
+fn held_out_runs(input: &Prepared) -> Result<Vec<&str>> {
+    let name = |part: &Part| input.data.runs[part.run].name.as_str();
+    let held_out: Vec<&str> = input.split.test.iter().map(name).collect();
+    match input.split.train.iter().map(name).find(|name| held_out.contains(name)) {
+        None => Ok(held_out),
+        Some(mixed) => Err(unfit(
+            "--inside manipulator",
+            format!("only a part of run {mixed} is held out, expected whole runs"),
+        )),
+    }
+}
+
+/// Returns the errors of each joint, best model first.
+fn text(fits: &[InsideFit], names: &[&str]) -> String {
     let mut text = String::new();
-    for fit in &fits {
+    for fit in fits {
         text +=
             &format!("{}: RMSE of the angle (deg) on held-out and on training runs:\n", fit.model);
         for (at, name) in names.iter().enumerate() {
@@ -77,10 +88,7 @@ pub fn run(
             text += &format!("  joint {name}: {test}, {train}\n");
         }
     }
-    text += &format!("params.toml of each joint contains {}\n", best.model);
-    let files: Vec<(&str, &[u8])> =
-        files.iter().map(|(name, text)| (&**name, text.as_bytes())).collect();
-    output.finish(&files, &json, &text)
+    text + &format!("params.toml of each joint contains {}\n", fits[0].model)
 }
 
 fn model_json(fit: &InsideFit, names: &[&str]) -> Value {

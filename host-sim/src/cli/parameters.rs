@@ -12,6 +12,7 @@ mod commission;
 mod drive;
 mod friction_run;
 mod measure;
+mod set;
 mod status;
 mod trend;
 
@@ -20,7 +21,6 @@ use super::error::{Result, in_part, unfit};
 use super::export::CompensatedArguments;
 use super::network::{self, for_driver};
 use super::output::{print_result, print_text};
-use super::words::text_in_options;
 use crate::driver_file;
 use canopen_rs::{Address, NmtCommand};
 use clap::Subcommand;
@@ -32,14 +32,13 @@ use firmware::node::dictionary::{LOAD_SIGNATURE, SAVE_SIGNATURE, index};
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::Code;
 use friction_fit::params::{self, ParameterFile};
-use friction_results::loop_cost::late_loop_warning;
 use joint_bus::bus::{Bus, BusName, Hub};
 use joint_bus::canopen::{Client, SdoError};
 use joint_bus::codes::ReportedState;
-use joint_bus::parameters::{read_set, write_set};
+use joint_bus::parameters::read_set;
 use joint_log::JointKind;
 use joint_rig::MotorNode;
-use joint_tuning::names::{Difference, NameError, choices, differences, numbers, put};
+use joint_tuning::names::{NameError, choices, differences, numbers};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -227,18 +226,16 @@ fn run_action(
         Action::Disarm => driver.request(0)?,
         Action::Clear => "faults cleared, ".to_owned() + &driver.request(2)?,
         Action::Home { position_rad } => {
-            let at = Address::new(index::STATE, 6);
-            driver.client.write(at, &position_rad.to_le_bytes())?;
+            driver.client.write(Address::new(index::STATE, 6), &position_rad.to_le_bytes())?;
             format!("position set to {position_rad} rad")
         }
         Action::Commission { measure, .. } if measure.measure || trace.is_some() => {
             if measure.measure {
                 driver.measure_motor(measure, name, json)?;
             }
-            if let Some(trace) = trace {
-                driver.friction_run(measure, name, trace, json)?;
-            }
-            return Ok(ExitCode::SUCCESS);
+            return trace
+                .map_or(Ok(()), |trace| driver.friction_run(measure, name, trace, json))
+                .map(printed);
         }
         Action::Commission { confirm, .. } => {
             return driver.commission(*confirm, json).map(printed);
@@ -255,9 +252,6 @@ fn run_action(
     };
     print_text(&(text + "\n")).map(printed)
 }
-
-/// Maximum number of changes that are listed by name.
-const MAX_LISTED_CHANGES: usize = 6;
 
 /// Returns why the law is not passive; `None` if it is passive.
 fn passivity_error(set: &ParameterSet) -> Option<ParameterError> {
@@ -373,86 +367,6 @@ impl Driver {
             driver.torque_unit()
         );
         Err(unfit(path.display(), found))
-    }
-
-    /// Sets parameters from `NAME=VALUE` items and files. Returns a summary of the changes.
-    fn set(&mut self, what: &[String], save: bool, taken: &CompensatedArguments) -> Result<String> {
-        let before = read_set(&mut self.client)?;
-        let mut set = before.clone();
-        let (mut settings, mut orders) = (Vec::new(), Vec::new());
-        let mut items = what.iter();
-        while let Some(item) = items.next() {
-            let adapt = match item.split_once('=') {
-                Some((adaptation::ITEM, word)) => Some(word),
-                None if item == adaptation::ITEM => Some(items.next().map_or("", String::as_str)),
-                _ => None,
-            };
-            match (adapt, item.split_once('=')) {
-                (Some(word), _) => match adaptation::parse(word)? {
-                    adaptation::Request::Mode(change) => settings.push(change),
-                    adaptation::Request::Order(order, name) => orders.push((order, name)),
-                },
-                (None, Some((name, value))) => match drive::parse(name.trim(), value.trim())? {
-                    Some(change) => settings.push(change),
-                    None => put(&mut set, name.trim(), value.trim())?,
-                },
-                (None, None) => self.take_file(item, taken, &mut set)?,
-            }
-        }
-        // The driver runs the same check. Here the error uses the file's names, and the driver stays unchanged.
-        set.validate()?;
-        if let Some(error) = passivity_error(&set) {
-            eprintln!(
-                "warning: allow_active: the law can supply energy, so compensation can keep the joint moving: {error}"
-            );
-        }
-        if let Some(late) = late_loop_warning(set.friction.model.terms.as_slice()) {
-            eprintln!("warning: {late}");
-        }
-        // A set is committed only if one was given: a commit discards what was learnt.
-        if set != before {
-            write_set(&mut self.client, &set)?;
-        }
-        let changes = settings.iter().map(|change| self.change_drive(change));
-        let mut changed = changes.collect::<Result<Vec<String>>>()?;
-        for (order, name) in orders {
-            changed.push(self.order_adaptation(order, name)?);
-        }
-        let active = self.number(index::COMMIT, 1)?;
-        if save {
-            self.store(index::STORE, SAVE_SIGNATURE)?;
-        }
-        let of_set = differences(&before, &set);
-        let words = |of: Difference| format!("{} {} -> {}", of.name, of.before, of.after);
-        changed.extend(of_set.into_iter().map(words));
-        let changed = match changed.len() {
-            0 => "nothing changed".to_owned(),
-            1..=MAX_LISTED_CHANGES => changed.join(", "),
-            count => format!("{count} values changed"),
-        };
-        let kept = if save { "saved" } else { "not saved: lost at a reset" };
-        Ok(format!("{changed} (crc {active:08x}, {kept})"))
-    }
-
-    /// Applies a parameter file to a set.
-    fn take_file(
-        &mut self,
-        item: &str,
-        taken: &CompensatedArguments,
-        set: &mut ParameterSet,
-    ) -> Result {
-        let path = Path::new(item);
-        if !path.exists() {
-            return Err(unfit(item, "No such file; expected a parameter file or NAME=VALUE"));
-        }
-        let mut file = self.read_file(path)?;
-        taken.apply(&mut file);
-        if let Some(left_out) = file.left_out_in_words() {
-            eprintln!("note: {}", text_in_options(&left_out));
-        }
-        let network = for_driver(&file).map_err(in_part(item))?;
-        driver_file::apply(&file, network, set);
-        Ok(())
     }
 
     fn diff(&mut self, path: &Path, json: bool) -> Result<ExitCode> {

@@ -1,7 +1,7 @@
 //! `predict`: the torque of a fitted model on every row of a log.
 
 use super::error::{Result, found, in_part, unfit};
-use super::fit_arguments::FitArguments;
+use super::fit_arguments::{FitArguments, LossChoice};
 use super::input::{DataArguments, LogArguments, LogInputs, MotionFrom};
 use super::network;
 use super::output::{OutputArguments, pretty, print_formatted, print_text, write_file};
@@ -20,7 +20,7 @@ use friction_results::rows::RowTable;
 use friction_results::table_file::TableFormat;
 use joint_log::number::significant;
 use joint_log::work;
-use joint_log::{Dataset, Quantity, SplitRule};
+use joint_log::{Dataset, SplitRule};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -76,7 +76,9 @@ pub fn run(arguments: &PredictArguments) -> Result {
         true => MotionFrom::Logged,
         false => MotionFrom::Smoothed,
     }));
-    let log = DataArguments { log, fit: FitArguments::without_fit() };
+    // Squares: no loss is chosen, because nothing is fitted.
+    let fit = FitArguments { loss: LossChoice::Squares, ..FitArguments::default() };
+    let log = DataArguments { log, fit };
     let input = match log.read(&SplitRule::LeaveOneRunOut)? {
         LogInputs::One(input) => input,
         LogInputs::Several(joints) => {
@@ -173,10 +175,6 @@ fn row_format(file: &Path) -> Result<TableFormat> {
     }
 }
 
-fn unit(input: &Prepared) -> &'static str {
-    Quantity::Torque.info().units[input.data.joint as usize]
-}
-
 fn document(
     file: &Path,
     model: &ParameterFile,
@@ -190,7 +188,7 @@ fn document(
         .map(|(run, metrics)| json!({ "run": run, "rows": metrics.rows, "rmse": metrics.rmse }))
         .collect();
     let mut document = json!({
-        "schema": 1, "file": file, "model": model.spec.full_name(), "unit": unit(input), "start": start,
+        "schema": 1, "file": file, "model": model.spec.full_name(), "unit": input.data.joint.torque_unit(), "start": start,
         "rows": predicted.metrics.rows, "metrics": predicted.metrics, "runs": runs,
         "as_exported_rmse": as_exported.metrics.rmse, "remarks": predicted.remarks,
     });
@@ -202,7 +200,7 @@ fn document(
 
 fn text(file: &Path, model: &ParameterFile, input: &Prepared, results: &Results) -> String {
     let Results { predicted, as_exported, adapted } = results;
-    let (metrics, unit) = (&predicted.metrics, unit(input));
+    let (metrics, unit) = (&predicted.metrics, input.data.joint.torque_unit());
     let mut text = format!(
         "{}{} on {} rows: RMSE {} {unit}, {:.1} % of the torque's standard deviation\n",
         model.spec.full_name(),

@@ -5,7 +5,7 @@
 
 use super::error::{Result, in_part};
 use super::missing_feature::refusal;
-use super::output::{OutputArguments, pretty, print_text};
+use super::output::{OutputArguments, pretty};
 use super::progress::spinner;
 use super::values::{Expected, number, one_of};
 use crate::simulated;
@@ -79,14 +79,12 @@ fn positive(text: &str) -> Result<f64, Expected> {
 #[cfg(any(test, not(feature = "papers")))]
 const PAPER_MACHINES: [&str; 3] = ["damper", "joint-bench", "manipulator"];
 
-#[cfg(feature = "papers")]
 fn machines() -> impl Iterator<Item = &'static Simulation> + Clone {
-    SIMULATIONS.iter().chain(paper_machines::SIMULATIONS)
-}
-
-#[cfg(not(feature = "papers"))]
-fn machines() -> impl Iterator<Item = &'static Simulation> + Clone {
-    SIMULATIONS.iter()
+    #[cfg(feature = "papers")]
+    let others = paper_machines::SIMULATIONS;
+    #[cfg(not(feature = "papers"))]
+    let others: &[Simulation] = &[];
+    SIMULATIONS.iter().chain(others)
 }
 
 /// Returns the parser of the machine's name; the help lists every machine with its description. A build without the feature
@@ -127,19 +125,11 @@ pub fn run(arguments: &SimulateArguments) -> Result {
     if !arguments.force {
         arguments.output.refuse_other_contents(&files)?;
     }
-    arguments.output.write(&files)?;
     bar.finish_and_clear();
-    if arguments.output.json {
-        return print_text(&json);
-    }
-    let out = arguments.output.folder().display();
-    let written: Vec<String> = files.iter().map(|(name, _)| format!("{out}/{name}")).collect();
     let (runs, rows, seed) = (log.runs.len(), log.rows(), arguments.seed);
-    let hidden: String = hidden.iter().map(|line| format!("{line}\n")).collect();
-    let written = written.join(", ");
-    print_text(&format!(
-        "simulated: {runs} runs, {rows} rows, seed {seed}\n{hidden}written: {written}\n"
-    ))
+    let mut text = format!("simulated: {runs} runs, {rows} rows, seed {seed}\n");
+    hidden.iter().for_each(|line| text += &format!("{line}\n"));
+    arguments.output.finish(&files, &json, &text)
 }
 
 /// Maximum number of rows for which a CAN trace is written. At six frames per row, this is about one gigabyte.

@@ -30,11 +30,6 @@ pub fn format_for_terminal(text: &str, width: usize, colour: bool) -> String {
     whole
 }
 
-/// Returns true if the line starts with `with` after its leading blanks.
-fn starts_with_text(line: &str, with: &str) -> bool {
-    line.trim_start().starts_with(with)
-}
-
 /// Returns true if the line is a numbered sentence.
 fn is_numbered(line: &str) -> bool {
     line.split_once(". ")
@@ -44,7 +39,7 @@ fn is_numbered(line: &str) -> bool {
 /// Returns the colour code of a line, or an empty text for the default colour.
 fn line_style(line: &str) -> &'static str {
     match line {
-        line if line.starts_with("log:") || starts_with_text(line, "- ") => YELLOW,
+        line if line.starts_with("log:") || line.trim_start().starts_with("- ") => YELLOW,
         line if line.starts_with("written:") => DIM,
         line if is_numbered(line) && !line.starts_with("1.") => "",
         line if is_numbered(line) => BOLD,
@@ -64,7 +59,7 @@ fn hanging_indent(line: &str, next: Option<&str>) -> usize {
     let label = LABELS.iter().find(|label| line.starts_with(*label));
     let bullet = if is_numbered(line) {
         line.find(". ").map_or(0, |at| at + 2)
-    } else if starts_with_text(line, "- ") {
+    } else if line.trim_start().starts_with("- ") {
         2
     } else if line.starts_with('[') {
         line.find("] ").map_or(0, |at| at + 2)

@@ -7,11 +7,10 @@ use super::output::{OutputArguments, is_answered_yes, print_message, print_text}
 use super::tune_from::{ForeignArguments, run_foreign};
 use super::values::{Expected, number};
 use clap::Args;
-use friction_results::tune::{TuneGain, TuneOutcome, TuneParts};
 use joint_bus::bus::Bus;
 use joint_bus::canopen::Client;
 use joint_tuning::trial_set::UndoError;
-use joint_tuning::{MotionLimits, Session, TuneOptions, TuneUser, motion, trial_set, tune};
+use joint_tuning::{MotionLimits, TuneOptions, TuneUser, motion, trial_set, tune};
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -108,7 +107,10 @@ pub fn run(arguments: &TuneArguments) -> Result<ExitCode> {
     let mut user =
         Terminal { yes: arguments.yes || options.is_simulated, quiet: arguments.output.json };
     let session = tune(client, &options, interrupted, &mut user)?;
-    write(&session, &arguments.output.of_command("tune"))?;
+    let files = joint_tuning::results::files(&session)?;
+    let all: Vec<(&str, &[u8])> = files.all().collect();
+    let output = arguments.output.of_command("tune");
+    output.finish(&all, &files.document.1, &session.report.text())?;
     Ok(if session.is_saved() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
@@ -131,56 +133,4 @@ fn undo<B: Bus>(mut client: Client<B>, name: &str, json: bool) -> Result<ExitCod
         format!("{name}: the parameters from before the tuning are back and saved (crc {crc})")
     };
     print_text(&(text + "\n")).map(|()| ExitCode::SUCCESS)
-}
-
-/// Writes the files of a session, and prints its summary.
-fn write(session: &Session, output: &OutputArguments) -> Result {
-    let files = joint_tuning::results::files(session)?;
-    let all: Vec<(&str, &[u8])> = files.all().collect();
-    output.finish(&all, &files.document.1, &summary(session))
-}
-
-/// Returns the result in words.
-fn summary(session: &Session) -> String {
-    let report = &session.report;
-    let mut text = match &report.outcome {
-        TuneOutcome::Saved => {
-            "The joint moves better, and the new parameters are saved.\n".to_owned()
-        }
-        TuneOutcome::Returned(why) => format!("The former parameters are active: {why}.\n"),
-    };
-    for gain in &report.gains {
-        text += &format!("  {}\n", gain_line(gain));
-    }
-    let TuneParts { loop_gains, friction_model } = &report.parts;
-    if !loop_gains.is_empty() && !friction_model.is_empty() {
-        for (name, gains) in
-            [("by the loop gains", loop_gains), ("then by the friction model", friction_model)]
-        {
-            text += &format!("  {name}:\n");
-            // The current follows from both, and the time stuck from the errors.
-            gains.iter().take(2).for_each(|gain| text += &format!("    {}\n", gain_line(gain)));
-        }
-    }
-    text += &format!("  cause: {}, probability {:.2}\n", report.cause, report.probability);
-    for (name, lines) in [("warning", &report.warnings), ("not learnt", &report.not_learnt)] {
-        lines.iter().for_each(|line| text += &format!("  {name}: {line}\n"));
-    }
-    text
-}
-
-/// Returns a change with its interval.
-fn gain_line(gain: &TuneGain) -> String {
-    let [low, high] = gain.ci95.map(|share| 100.0 * share);
-    format!(
-        "{}: {:.4} {} -> {:.4} {} ({:+.0} %, 95 % interval {:+.0} to {:+.0} %)",
-        gain.quantity.in_words(),
-        gain.before,
-        gain.unit,
-        gain.after,
-        gain.unit,
-        -100.0 * gain.gain,
-        -high,
-        -low
-    )
 }

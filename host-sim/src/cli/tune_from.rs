@@ -4,7 +4,7 @@
 
 use super::each_joint::{JointResult, each_joint};
 use super::error::{Result, found};
-use super::fit_arguments::{FitArguments, LossChoice};
+use super::fit_arguments::FitArguments;
 use super::input::{DataArguments, LogArguments, MotionFrom};
 use super::output::OutputArguments;
 use clap::Args;
@@ -80,8 +80,7 @@ impl ForeignArguments {
         let fit = FitArguments {
             rigid_body: self.rigid_body.clone().unwrap_or_else(|| RIGID_BODY.to_owned()),
             test: self.test.clone(),
-            loss: LossChoice::Auto,
-            ..FitArguments::without_fit()
+            ..FitArguments::default()
         };
         DataArguments { log, fit }
     }

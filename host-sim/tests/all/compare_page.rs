@@ -7,12 +7,13 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::drawn_chart::{between, charts, sentences, without_scripts};
-use crate::snapshot;
+use crate::{snapshot, unchecked};
+use friction_diagnose::prepare::Prepared;
 use friction_fit::spec::Spec;
-use friction_fit::{FitOptions, Outcome, Rows, Track, identify, tracks};
+use friction_fit::{FitOptions, Outcome, identify};
 use friction_results::{FitReport, compare_fits};
 use host_sim::simulated;
-use joint_log::{Dataset, Run, Split, SplitRule, split};
+use joint_log::{Dataset, Run, SplitRule};
 use serde_json::Value;
 use simulated_machines::{Recording, record};
 
@@ -25,50 +26,31 @@ const SHORT: Recording = Recording {
     steady: false,
 };
 
-/// A data set, split, with what is needed for fits and a page.
+/// A log that is to be fitted.
 struct Case {
-    data: Dataset,
-    split: Split,
-    train: Vec<Track>,
-    test: Vec<Track>,
-    decimate: usize,
+    input: Prepared,
 }
 
 impl Case {
     fn new(data: Dataset, decimate: usize) -> Self {
-        let split = split(&data, &SplitRule::default(), 0).unwrap();
-        let of = |parts| tracks(&data.select(parts));
-        let (train, test) = (of(&split.train), of(&split.test));
-        Self { data, split, train, test, decimate }
+        Self { input: Prepared { decimate, ..unchecked(data, &SplitRule::default()) } }
     }
 
     fn simulated(how: Recording) -> Self {
         Self::new(simulated::dataset(record(1, how).log()), 1)
     }
 
-    fn rows<'a>(&self, tracks: &'a [Track]) -> Rows<'a> {
-        Rows { tracks, decimate: self.decimate }
-    }
-
     fn fit(&self, model: &str) -> Outcome {
         let spec = Spec::parse(model).unwrap();
         let options = FitOptions { starts: 1, ..FitOptions::default() };
-        let (train, test) = (self.rows(&self.train), self.rows(&self.test));
+        let (train, test) = (self.input.train_rows(), self.input.test_rows());
         identify(&spec, &spec.parameters().unwrap(), train, test, &options)
     }
 
     /// The page without scripts.
     fn page(&self, models: &[&str]) -> String {
         let fits: Vec<Outcome> = models.iter().map(|model| self.fit(model)).collect();
-        let study = FitReport {
-            data: &self.data,
-            split: &self.split,
-            hashes: &vec!["5e1f".to_owned(); self.data.files.len()],
-            test: self.rows(&self.test),
-            columns: &[],
-            skip: 0,
-            fits: &fits,
-        };
+        let study = FitReport { input: &self.input, test: self.input.test_rows(), fits: &fits };
         without_scripts(&compare_fits(&study).page.render())
     }
 }
@@ -146,7 +128,7 @@ fn page_with_hours_between_runs_shortens_pauses() {
     }
     data.files = vec!["</script><b>log</b>.csv".into()];
     let case = Case::new(data, 10);
-    let held_out: usize = case.split.test.iter().map(|part| part.rows.len()).sum();
+    let held_out: usize = case.input.split.test.iter().map(|part| part.rows.len()).sum();
     let page = case.page(&["dahl"]);
     for text in ["one row in 10", "&lt;/b&gt;", "5e1f"] {
         assert!(page.contains(text), "{text}");

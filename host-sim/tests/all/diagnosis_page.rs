@@ -7,31 +7,32 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::drawn_chart::{DrawnChart, charts, sentences, without_scripts};
-use crate::{browser, picture, snapshot};
+use crate::{browser, picture, snapshot, unchecked};
 use compensator_core::Quantity;
+use friction_diagnose::prepare::Prepared;
 use friction_diagnose::{Diagnosis, DiagnosisOptions, diagnose, summary};
-use friction_results::diagnosis_page::{DiagnosisReport, page};
+use friction_results::diagnosis::DiagnosedLog;
 use friction_results::report::Page;
 use friction_results::stochastic::StochasticExtension;
 use host_sim::simulated;
-use joint_log::{Dataset, JointKind, Split, SplitRule, split};
+use joint_log::{Dataset, JointKind, SplitRule};
 use serde_json::Value;
 use simulated_machines::scenarios::{HiddenCause, Hide, Options, draw, draw_with};
 
 /// A log that has been diagnosed.
 struct Case {
-    data: Dataset,
-    split: Split,
+    input: Prepared,
     found: Diagnosis,
     stochastic: StochasticExtension,
 }
 
 impl Case {
     fn new(data: Dataset) -> Self {
-        let split = split(&data, &SplitRule::LeaveOneRunOut, 0).unwrap();
-        let found = diagnose(&data, &split, &DiagnosisOptions::default(), &|_| {}).unwrap();
+        let log = unchecked(data, &SplitRule::LeaveOneRunOut);
+        let found = diagnose(&log.data, &log.split, &DiagnosisOptions::default(), &|_| {}).unwrap();
         let stochastic = StochasticExtension::new(&found, 0, &|_| {});
-        Self { data, split, found, stochastic }
+        let input = Prepared { skip: 7, seed: 4711, ..log };
+        Self { input, found, stochastic }
     }
 
     fn hidden(effects: &[HiddenCause], seed: u64) -> Self {
@@ -39,18 +40,8 @@ impl Case {
     }
 
     fn page(&self, columns: &[String]) -> Page {
-        let hashes = vec!["5e1f".to_owned(); self.data.files.len()];
-        let about = DiagnosisReport {
-            found: &self.found,
-            stochastic: &self.stochastic,
-            data: &self.data,
-            split: &self.split,
-            hashes: &hashes,
-            columns,
-            skip: 7,
-            seed: 4711,
-        };
-        page(&about)
+        let input = &Prepared { columns: columns.to_vec(), ..self.input.clone() };
+        DiagnosedLog { found: &self.found, stochastic: &self.stochastic, input }.page()
     }
 
     fn html(&self) -> String {

@@ -111,18 +111,44 @@ fn texts<const N: usize>(pairs: [(&str, &str); N]) -> Vec<(String, String)> {
     pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).into()
 }
 
-/// A session that gained.
-fn saved() -> TuneReport {
+fn rounds() -> Vec<TuneRound> {
     let round = |motion: &str, seconds, why: &str| TuneRound {
         motion: motion.to_owned(),
         seconds,
         why: why.to_owned(),
     };
+    vec![
+        round("slow sweep ±0.05 rad", 40.0, "The stiffness before sliding was not known."),
+        round(
+            "steady speeds 0.05 to 1.5 rad/s",
+            62.0,
+            "Both directions at seven speeds give the curve over speed.",
+        ),
+        round(
+            "dwells of 1 to 20 s",
+            48.0,
+            "It separates dwell-time-static (0.41) from direction-asymmetry (0.52).",
+        ),
+        round("multisine", 12.5, "The inertia and the delay of the loop were not known."),
+    ]
+}
+
+fn parameters() -> Vec<TuneParameter> {
     let parameter = |name: &str, before: &str, after: &str| TuneParameter {
         name: name.to_owned(),
         before: before.to_owned(),
         after: after.to_owned(),
     };
+    vec![
+        parameter("coulomb_torque", "1.200 Nm", "1.482 Nm"),
+        parameter("static_torque", "1.500 Nm", "1.911 Nm"),
+        parameter("stribeck_velocity", "0.1000 rad/s", "0.0764 rad/s"),
+        parameter("velocity_gain", "0.800 A s/rad", "1.320 A s/rad"),
+    ]
+}
+
+/// A session that gained.
+fn saved() -> TuneReport {
     TuneReport {
         joint: "can0, node 1".to_owned(),
         is_simulated: true,
@@ -158,20 +184,7 @@ fn saved() -> TuneReport {
                 gain(TuneQuantity::StuckTime, 0.12, 0.02, 0.05),
             ],
         },
-        rounds: vec![
-            round("slow sweep ±0.05 rad", 40.0, "The stiffness before sliding was not known."),
-            round(
-                "steady speeds 0.05 to 1.5 rad/s",
-                62.0,
-                "Both directions at seven speeds give the curve over speed.",
-            ),
-            round(
-                "dwells of 1 to 20 s",
-                48.0,
-                "It separates dwell-time-static (0.41) from direction-asymmetry (0.52).",
-            ),
-            round("multisine", 12.5, "The inertia and the delay of the loop were not known."),
-        ],
+        rounds: rounds(),
         not_learnt: vec![
             "Pressure did not vary: its effect is unknown.".to_owned(),
             "Side load did not vary: its effect is unknown.".to_owned(),
@@ -180,12 +193,7 @@ fn saved() -> TuneReport {
         trial: TuneTrial { blocks: blocks() },
         courses: [course(0.012, 0.003, 1), course(0.004, 0.002, 2)],
         control: Some(control()),
-        parameters: vec![
-            parameter("coulomb_torque", "1.200 Nm", "1.482 Nm"),
-            parameter("static_torque", "1.500 Nm", "1.911 Nm"),
-            parameter("stribeck_velocity", "0.1000 rad/s", "0.0764 rad/s"),
-            parameter("velocity_gain", "0.800 A s/rad", "1.320 A s/rad"),
-        ],
+        parameters: parameters(),
         bounds_nm: [2.31, 1.98],
         warnings: vec!["The joint warmed by 1.2 °C during the trial.".to_owned()],
         seconds: 292.0,
@@ -243,7 +251,7 @@ fn diagnosis() -> Page {
         facts: texts([("Cause", "one direction rubs harder")]),
         charts: vec![chart],
     });
-    page.push(Block::Contents).push(Block::heading("Evidence"));
+    page.push(Block::Contents).push(Block::Heading("Evidence".into()));
     page
 }
 

@@ -84,12 +84,6 @@ impl Motion {
         self.positions_rad.len() as f64 * TARGET_PERIOD_S
     }
 
-    /// Returns the largest distance from the start, rad, and the largest speed, rad/s.
-    pub fn extremes(&self) -> [f64; 2] {
-        let range = self.positions_rad.iter().fold(0.0f64, |most, at| most.max(at.abs()));
-        [range, self.velocities_rad_s().fold(0.0f64, |most, speed| most.max(speed.abs()))]
-    }
-
     /// Returns the velocities from each position to the next, rad/s.
     pub fn velocities_rad_s(&self) -> impl Iterator<Item = f64> + '_ {
         self.positions_rad.windows(2).map(|pair| (pair[1] - pair[0]) / TARGET_PERIOD_S)
@@ -114,7 +108,11 @@ impl Motion {
         }
         // A tolerance for the rounding of sampled positions.
         const TOLERANCE: f64 = 1.02;
-        let [range, speed] = self.extremes();
+        let largest = |values: &mut dyn Iterator<Item = f64>| {
+            values.fold(0.0f64, |most, value| most.max(value.abs()))
+        };
+        let range = largest(&mut self.positions_rad.iter().copied());
+        let speed = largest(&mut self.velocities_rad_s());
         if range > TOLERANCE * limits.range_rad {
             return Err(MotionDefect::Range { found: range, most: limits.range_rad });
         }
@@ -269,8 +267,14 @@ pub fn parse(name: &str, text: &str, limits: &MotionLimits) -> Result<Motion, Mo
     motion.validate(limits).map(|()| motion)
 }
 
-/// Returns times, s, and positions, rad.
-fn parse_points(text: &str) -> Result<Vec<[f64; 2]>, MotionDefect> {
+/// A row of a motion's file.
+#[derive(Clone, Copy)]
+struct Point {
+    time_s: f64,
+    position_rad: f64,
+}
+
+fn parse_points(text: &str) -> Result<Vec<Point>, MotionDefect> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let (_, header) = lines.next().ok_or(MotionDefect::Empty)?;
     let names: Vec<&str> = header.split(',').map(str::trim).collect();
@@ -279,7 +283,7 @@ fn parse_points(text: &str) -> Result<Vec<[f64; 2]>, MotionDefect> {
         at.ok_or_else(|| MotionDefect::Column { header: header.to_owned(), column })
     };
     let (time_at, position_at) = (place("time_s")?, place("position_rad")?);
-    let mut points: Vec<[f64; 2]> = Vec::new();
+    let mut points: Vec<Point> = Vec::new();
     for (row, line) in lines {
         let cells: Vec<&str> = line.split(',').map(str::trim).collect();
         let row = row + 1;
@@ -288,33 +292,34 @@ fn parse_points(text: &str) -> Result<Vec<[f64; 2]>, MotionDefect> {
             let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
             number.ok_or_else(|| MotionDefect::Cell { row, column, found: cell.to_owned() })
         };
-        let point = [number(time_at, "time_s")?, number(position_at, "position_rad")?];
-        if let Some([last, _]) = points.last()
-            && point[0] <= *last
+        let time_s = number(time_at, "time_s")?;
+        if let Some(last) = points.last()
+            && time_s <= last.time_s
         {
-            return Err(MotionDefect::Order { row, found: point[0], last: *last });
+            return Err(MotionDefect::Order { row, found: time_s, last: last.time_s });
         }
-        points.push(point);
+        points.push(Point { time_s, position_rad: number(position_at, "position_rad")? });
     }
     let [first, .., last] = points[..] else { return Err(MotionDefect::Rows(points.len())) };
-    let seconds = last[0] - first[0];
+    let seconds = last.time_s - first.time_s;
     if seconds > MAX_MOTION_S { Err(MotionDefect::Duration(seconds)) } else { Ok(points) }
 }
 
 /// Returns a motion through at least two points, with a rest at both ends.
-fn through(points: &[[f64; 2]], limits: &MotionLimits) -> MotionBuilder {
+fn through(points: &[Point], limits: &MotionLimits) -> MotionBuilder {
     let mut builder = MotionBuilder::new(*limits).rest(0.2);
     let (first, last) = (points[0], points[points.len() - 1]);
-    let count = ((last[0] - first[0]) / TARGET_PERIOD_S).floor() as usize;
+    let count = ((last.time_s - first.time_s) / TARGET_PERIOD_S).floor() as usize;
     let mut at = 0;
     for step in 1..=count {
-        let time = first[0] + step as f64 * TARGET_PERIOD_S;
-        while at + 2 < points.len() && points[at + 1][0] < time {
+        let time_s = first.time_s + step as f64 * TARGET_PERIOD_S;
+        while at + 2 < points.len() && points[at + 1].time_s < time_s {
             at += 1;
         }
-        let ([t0, p0], [t1, p1]) = (points[at], points[at + 1]);
-        let share = ((time - t0) / (t1 - t0)).clamp(0.0, 1.0);
-        builder.positions_rad.push(p0 + share * (p1 - p0) - first[1]);
+        let (before, after) = (points[at], points[at + 1]);
+        let share = ((time_s - before.time_s) / (after.time_s - before.time_s)).clamp(0.0, 1.0);
+        let way_rad = share * (after.position_rad - before.position_rad);
+        builder.positions_rad.push(before.position_rad + way_rad - first.position_rad);
     }
     builder.rest(0.2)
 }
@@ -361,7 +366,8 @@ mod tests {
     fn parse_moves_the_motion_to_its_start_and_returns() {
         let text = "time_s,position_rad\n1.0,2.0\n1.5,2.1\n2.0,2.05\n";
         let motion = parse("file", text, &LIMITS).unwrap();
-        assert!((motion.extremes()[0] - 0.1).abs() < 1e-6, "{:?}", motion.extremes());
+        let most = motion.positions_rad.iter().fold(0.0f64, |most, at| most.max(at.abs()));
+        assert!((most - 0.1).abs() < 1e-6, "{most}");
         assert_eq!(motion.positions_rad.last(), Some(&0.0));
     }
 

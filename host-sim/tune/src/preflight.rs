@@ -106,7 +106,7 @@ pub fn examine<B: Bus>(
 ) -> Result<Found, Refusal> {
     let at = Address::new;
     other_master(client, node)?;
-    let mut facts = identity(client)?;
+    let mut facts = vec![("joint".to_owned(), identity(client)?)];
     if client.read_number(at(index::OPERATION, 1))? != 0 {
         return refuse("the joint takes its inputs from the bus (2001h:1 = 1): it drives no motor");
     }
@@ -126,15 +126,15 @@ pub fn examine<B: Bus>(
         return refuse("the position is unknown: home the joint first (`params home`, or mode 6)");
     }
     let position_rad = micro(client.read_number(at(index::ACTUAL_POSITION, 0))?);
-    let window = [1, 2].map(|side| client.read_number(at(index::POSITION_LIMITS, side)));
-    let [least, most] = window;
-    let window = [micro(least?), micro(most?)];
+    let window = position_window(client)?;
     check_window(window, position_rad, limits.range_rad, purpose)?;
     let set = read_staged(client)?;
     if client.read_number(at(index::COMMIT, 1))? != set.crc() {
         return refuse("parameters are staged and not committed: `params get` discards them");
     }
-    let warnings = check_set(client, &set, limits)?;
+    check_set(client, &set, limits)?;
+    let without_network = "the former model has a network; a tuned set has none";
+    let warnings = set.network.iter().map(|_| without_network.to_owned()).collect();
     let position_gain = client.read_number(at(index::POSITION_LOOP, 1))?;
     let interpolation = InterpolationTime {
         period: client.read_number(at(index::INTERPOLATION_TIME, 1))? as u8,
@@ -149,10 +149,8 @@ pub fn examine<B: Bus>(
         check_adaptation(client)?;
     }
     let [low, high] = window;
-    facts.push((
-        "position".into(),
-        format!("{position_rad:.4} rad, window {low:.3} to {high:.3} rad"),
-    ));
+    let position = format!("{position_rad:.4} rad, window {low:.3} to {high:.3} rad");
+    facts.push(("position".into(), position));
     facts.push(("parameters".into(), format!("crc {:08x}", set.crc())));
     facts.push(("lock".into(), lock(client)?.into()));
     facts.push(("temperature".into(), temperature(client)?));
@@ -195,12 +193,18 @@ fn other_master<B: Bus>(client: &mut Client<B>, node: NodeId) -> Result<(), Refu
     Ok(())
 }
 
-fn identity<B: Bus>(client: &mut Client<B>) -> Result<Vec<(String, String)>, Refusal> {
+fn identity<B: Bus>(client: &mut Client<B>) -> Result<String, SdoError> {
     let mut text = |object: u16| client.read_text(Address::new(object, 0));
     let (name, hardware, software) =
         (text(index::DEVICE_NAME)?, text(index::HARDWARE_VERSION)?, text(index::SOFTWARE_VERSION)?);
     let serial = client.read_number(Address::new(index::IDENTITY, 4))?;
-    Ok(vec![("joint".into(), format!("{name}, {hardware}, {software}, serial {serial:08x}"))])
+    Ok(format!("{name}, {hardware}, {software}, serial {serial:08x}"))
+}
+
+/// Returns the ends of the position window, rad.
+fn position_window<B: Bus>(client: &mut Client<B>) -> Result<[f64; 2], SdoError> {
+    let mut end = |side| client.read_number(Address::new(index::POSITION_LIMITS, side)).map(micro);
+    Ok([end(1)?, end(2)?])
 }
 
 fn check_window(
@@ -234,12 +238,12 @@ fn check_window(
     Ok(())
 }
 
-/// Checks limits of torque and speed. Returns warnings.
+/// Checks limits of torque and speed.
 fn check_set<B: Bus>(
     client: &mut Client<B>,
     set: &ParameterSet,
     limits: &MotionLimits,
-) -> Result<Vec<String>, Refusal> {
+) -> Result<(), Refusal> {
     let rated_nm = 1e-3 * f64::from(client.read_number(Address::new(index::RATED_TORQUE, 0))?);
     let most_permille = client.read_number(Address::new(index::MAX_TORQUE, 0))?;
     let compensation_nm = f64::from(set.friction.compensator.torque_limit_nm);
@@ -261,11 +265,7 @@ fn check_set<B: Bus>(
             "--speed {speed} rad/s: expected at most {most_rad_s:.2} rad/s (nine tenths of motor.velocity_max_rad_s)"
         ));
     }
-    let mut warnings = Vec::new();
-    if set.network.is_some() {
-        warnings.push("the former model has a network; a tuned set has none".to_owned());
-    }
-    Ok(warnings)
+    Ok(())
 }
 
 /// Refuses a firmware without trials. That the active parameters are the stored ones is known when the trial opens: that is

@@ -6,7 +6,7 @@ use crate::recording::{Recording, Row};
 use crate::session::Session;
 use friction_results::diagnosis::DiagnosedLog;
 use friction_results::tune::TuneRun;
-use friction_results::{Files, ResultError};
+use friction_results::{Files, ResultError, pretty};
 use joint_log::JointKind;
 
 /// Returns the files of a session: `tune.html`, `tune.json`, `runs.parquet`, `diagnosis.json`, the set as the joint was in
@@ -23,7 +23,7 @@ pub fn files(session: &Session) -> Result<Files, ResultError> {
     if let Some(learnt) = &session.learnt {
         let Learnt { found, stochastic, input } = learnt;
         let diagnosed = DiagnosedLog { found, stochastic, input };
-        texts.push(("diagnosis.json", diagnosed.json_text()?));
+        texts.push(("diagnosis.json", pretty(&diagnosed.document()?)?));
         page = Some(diagnosed.page());
     }
     session.report.files(&runs(session), page, texts)

@@ -30,7 +30,7 @@ pub fn page(paper: &dyn Paper, request: &PaperRequest, outcome: &PaperOutcome) -
         },
     };
     let mut page = Page::new(paper.title(), format!("{form}seed {}", request.seed));
-    page.push(Block::paragraph(paper.preface())).push(Block::Contents);
+    page.push(Block::Paragraph(paper.preface().into())).push(Block::Contents);
     if !goals.is_empty() {
         let remarks = goals.iter().filter(|goal| !goal.remark.is_empty());
         let remarks =

@@ -152,7 +152,7 @@ fn plane(scene: &Scene, evidence: &friction_diagnose::Plane) -> Option<Plane> {
         plane.leave_out_ends();
     }
     plane.spacing = match evidence.spacing {
-        Spacing::Runs if scene.about.data.runs.len() <= 1 => Spacing::Even,
+        Spacing::Runs if scene.about.input.data.runs.len() <= 1 => Spacing::Even,
         spacing => spacing,
     };
     Some(plane)
@@ -160,7 +160,7 @@ fn plane(scene: &Scene, evidence: &friction_diagnose::Plane) -> Option<Plane> {
 
 /// Returns label and values of the horizontal axis; `None` if a column is missing.
 fn axis(scene: &Scene, over: &PlaneAxis) -> Option<(String, Vec<f64>)> {
-    let (rows, log, data) = (&scene.all, &scene.about.found.log, scene.about.data);
+    let (rows, log, data) = (&scene.all, &scene.about.found.log, &scene.about.input.data);
     let (turn, speed) = (scene.position_unit(), scene.velocity_unit());
     let column = |name: &str| rows.named(log, data, name);
     let folded = |order: f64| -> Option<Vec<f64>> {
@@ -356,14 +356,14 @@ pub(super) fn survey(scene: &Scene) -> (Vec<Chart>, Vec<Chart>) {
     let seconds = "time since the start of the run (s)";
     add(held, "Over the time of a run", seconds, Spacing::Even, held.time_in_run());
     let campaign = scene.all.sampled(|sample| sample.campaign_time_h);
-    let runs = if scene.about.data.runs.len() > 2 { Spacing::Runs } else { Spacing::Even };
+    let runs = if scene.about.input.data.runs.len() > 2 { Spacing::Runs } else { Spacing::Even };
     add(&scene.all, "Over the campaign", "campaign time (h)", runs, campaign);
     let measured = std::iter::once(Quantity::Position).chain(contract::covariates());
     let measured = measured.map(|quantity| quantity.name(log.train.joint));
     let measured = measured.filter(|name| log.varies(name)).map(str::to_owned);
-    let extras = log.extras.iter().map(|index| scene.about.data.covariates[*index].clone());
+    let extras = log.extras.iter().map(|index| scene.about.input.data.covariates[*index].clone());
     for name in measured.chain(extras) {
-        if let Some(x) = held.named(log, scene.about.data, &name) {
+        if let Some(x) = held.named(log, &scene.about.input.data, &name) {
             let title = label(&name);
             let quantity = title.split(" (").next().unwrap_or(&title);
             add(held, &format!("Over {quantity}"), &title, Spacing::Even, x);

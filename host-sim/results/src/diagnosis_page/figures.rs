@@ -88,7 +88,7 @@ pub(super) fn errors(scene: &Scene) -> Chart {
     runs.sort_by(|a, b| rmse(&held.before, *b).total_cmp(&rmse(&held.before, *a)));
     runs.truncate(if all > 1 { MAX_RUNS } else { 0 });
     let mut names = vec!["all held-out rows".to_owned()];
-    names.extend(runs.iter().map(|run| format!("run {}", scene.about.data.runs[*run].name)));
+    names.extend(runs.iter().map(|run| format!("run {}", scene.about.input.data.runs[*run].name)));
     let places: Vec<f64> = (0..names.len()).map(|place| place as f64).collect();
     let bars = |total: f64, residual: &[f64]| {
         std::iter::once(total).chain(runs.iter().map(|run| rmse(residual, *run))).collect()
@@ -192,7 +192,7 @@ pub(super) fn predictions(scene: &Scene) -> Option<[Chart; 3]> {
     };
     let clouds = models(&|name, torque| Series::thin_points(name, &velocity, torque, CLOUD_POINTS));
     let window = close_up(scene, stretch);
-    let name = &scene.about.data.runs[stretch.run].name;
+    let name = &scene.about.input.data.runs[stretch.run].name;
     let seconds = || Axis::new("time since the start of the run (s)");
     let torque = || Axis::new(format!("{} ({})", scene.torque(), scene.unit()));
     let whole = match stretch.since_start_s {

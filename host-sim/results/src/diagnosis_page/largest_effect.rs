@@ -85,7 +85,7 @@ pub(super) fn chart(scene: &Scene) -> Option<Chart> {
     if scene.is_extended() {
         series.push(curve(AFTER, stretch.after));
     }
-    let run = &scene.about.data.runs[stretch.run].name;
+    let run = &scene.about.input.data.runs[stretch.run].name;
     let shown_s = time[rows.end - 1] - time[rows.start];
     let place = match scene.is_extended() {
         true => "the extension changes the prediction most relative to the remaining error",

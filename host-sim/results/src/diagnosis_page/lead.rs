@@ -77,7 +77,7 @@ pub(super) fn facts(scene: &Scene) -> Vec<(String, String)> {
     let mut facts: Vec<(&str, String)> = Vec::new();
     facts.extend(summary::warning(found).map(|warning| ("Warning", warning)));
     if let Some((first, others)) = found.findings.split_first() {
-        facts.push(("Size", first.with_order(scene.about.data.joint, &size(scene, first))));
+        facts.push(("Size", first.with_order(scene.about.input.data.joint, &size(scene, first))));
         if !others.is_empty() {
             let names: Vec<String> = others.iter().map(cause).collect();
             facts.push(("Further causes", names.join("; ")));
@@ -183,7 +183,7 @@ fn size(scene: &Scene, finding: &Finding) -> String {
 
 /// Returns minimum and maximum of a column; `None` if it is constant.
 fn range(scene: &Scene, column: &str) -> Option<[f64; 2]> {
-    let data = scene.about.data;
+    let data = &scene.about.input.data;
     let values = data.runs.iter().filter_map(|run| data.column(run, column)).flatten().copied();
     let values = values.filter(|value: &f64| value.is_finite());
     let range = values.fold(None, |range: Option<[f64; 2]>, value| match range {

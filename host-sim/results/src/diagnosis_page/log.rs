@@ -9,7 +9,7 @@ pub(super) fn log(scene: &Scene) -> Section {
     let found = &scene.about.found.log_findings;
     let section = Section::new("Log check")
         .table(columns(scene))
-        .list(scene.about.data.notes.iter().cloned());
+        .list(scene.about.input.data.notes.iter().cloned());
     if found.is_empty() {
         return section.words(
             "The log was checked for held and delayed channels, noise, quantisation, saturation, wrong units, wrong signs and \
@@ -33,7 +33,7 @@ pub(super) fn log(scene: &Scene) -> Section {
 
 /// Returns the table of the columns with their range and source.
 fn columns(scene: &Scene) -> Table {
-    let data = scene.about.data;
+    let data = &scene.about.input.data;
     let read = overview(data);
     let row = |column: &ColumnOverview| {
         let from = column.source.as_ref().map_or_else(String::new, |source| match &source.unit {

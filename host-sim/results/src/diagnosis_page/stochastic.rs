@@ -17,8 +17,8 @@ pub fn stochastic_section(before: &Value, after: &Value, reading: Option<&str>) 
         return Vec::new();
     }
     let mut blocks =
-        vec![Block::heading("Stochastic extension"), Block::Paragraph(introduction(before))];
-    blocks.extend(reading.map(Block::paragraph));
+        vec![Block::Heading("Stochastic extension".into()), Block::Paragraph(introduction(before))];
+    blocks.extend(reading.map(|text| Block::Paragraph(text.into())));
     let made: Vec<(&str, &Value)> = [(BEFORE, before), (AFTER, after)]
         .into_iter()
         .filter(|(_, certificate)| cv(certificate).is_some_and(|cv| !cv.is_empty()))

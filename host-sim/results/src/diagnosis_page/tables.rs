@@ -107,7 +107,7 @@ pub(super) fn ranking(caption: impl Into<String>, ranking: &[RankedCandidate]) -
 /// Returns the table of the parameters before and after.
 pub(super) fn parameters(scene: &Scene) -> Table {
     let found = scene.about.found;
-    let joint = scene.about.data.joint;
+    let joint = scene.about.input.data.joint;
     let mut ids: Vec<ParameterId> = found.baseline.estimates.iter().map(|e| e.id).collect();
     let added = found.extended.estimates.iter().map(|e| e.id).filter(|id| !ids.contains(id));
     ids.extend(added.collect::<Vec<_>>());

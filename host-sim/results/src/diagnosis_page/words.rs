@@ -82,7 +82,7 @@ pub(super) const SHORT: &str = if cfg!(feature = "stochastic") {
 
 /// Returns the title of the page: the files and the causes.
 pub(super) fn title(scene: &Scene) -> String {
-    let on = shared::file_names(scene.about.data);
+    let on = shared::file_names(&scene.about.input.data);
     let of = if on.is_empty() { "Diagnosis".to_owned() } else { format!("Diagnosis of {on}") };
     let mut causes: Vec<&str> =
         scene.about.found.findings.iter().map(|finding| finding.cause.name()).collect();
@@ -257,7 +257,7 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
         format!(
             "Created by host-sim {} with seed {} in {} s.",
             env!("CARGO_PKG_VERSION"),
-            scene.about.seed,
+            scene.about.input.seed,
             significant(found.seconds, 2)
         ),
     ]
@@ -266,7 +266,7 @@ pub(super) fn methods(scene: &Scene) -> Vec<String> {
 /// Returns notes about the data.
 pub(super) fn sources(scene: &Scene) -> Vec<String> {
     let mut texts = shared::sources(&scene.view);
-    let data = scene.about.data;
+    let data = &scene.about.input.data;
     let extra_columns: Vec<&str> =
         scene.about.found.log.extras.iter().map(|index| data.covariates[*index].as_str()).collect();
     if !extra_columns.is_empty() {

@@ -12,18 +12,14 @@
 //! log, which the parameter file states.
 
 use super::ExportedModel;
-use compensator_core::{ModelState, ParameterId, Parameters, Quantity, Sample, TermKind};
+use crate::steady_torque::steady_torque;
+use compensator_core::{ParameterId, Parameters, Quantity, Sample, TermKind};
 use friction_fit::params::ParameterFile;
 use joint_log::JointKind;
 use joint_log::number::significant;
 
 /// Number of speeds for the least-squares fit.
 const SPEED_COUNT: usize = 200;
-
-/// Sample period, s. It is long enough for every bristle to reach steady sliding.
-const STEADY_PERIOD_S: f64 = 10.0;
-/// Number of samples at each speed.
-const STEPS: usize = 100;
 
 /// Dry friction and damping of a joint.
 struct FrictionLine {
@@ -41,17 +37,6 @@ struct FrictionLine {
     without_mean: Vec<&'static str>,
     /// Names of the terms that the line does not represent.
     left_out: Vec<&'static str>,
-}
-
-/// Returns the friction in steady sliding at this speed and with these covariates, averaged over both directions.
-fn sliding(model: &Parameters<f64>, covariates: &Sample<f64>, speed: f64) -> f64 {
-    let built = model.build_unchecked::<f64>(STEADY_PERIOD_S);
-    let one_way = |velocity: f64| {
-        let mut state = ModelState::default();
-        let sample = Sample { velocity_rad_s: velocity, ..*covariates };
-        (0..STEPS).map(|_| built.step(&mut state, &sample)).last().unwrap_or(0.0)
-    };
-    0.5 * (one_way(speed) - one_way(-speed))
 }
 
 /// Fits the line to the model's friction in steady sliding.
@@ -72,8 +57,10 @@ fn fit_line(file: &ParameterFile) -> FrictionLine {
     let (covariates, at_means) = covariates_at_means(file, &model);
     let max_speed = f64::from(model.envelope.velocity_max_rad_s);
     let speeds = (1..=SPEED_COUNT).map(|at| max_speed * at as f64 / SPEED_COUNT as f64);
+    let one_way = |velocity_rad_s| steady_torque(&model, &Sample { velocity_rad_s, ..covariates });
+    // The friction at a speed, averaged over both directions.
     let points: Vec<(f64, f64)> =
-        speeds.map(|speed| (speed, sliding(&model, &covariates, speed))).collect();
+        speeds.map(|speed| (speed, 0.5 * (one_way(speed) - one_way(-speed)))).collect();
     let (mut dry, mut damping) = least_squares(&points);
     let mean = points.iter().map(|point| point.1).sum::<f64>() / points.len() as f64;
     // Simulators reject negative values: a negative one is set to zero and the other is fitted alone.

@@ -1,6 +1,7 @@
 //! The feed-forward as JSON, CSV and text.
 
 use super::FeedForward;
+use super::steady::Estimated;
 use friction_diagnose::Gain;
 use joint_log::number::significant;
 use serde_json::{Value, json};
@@ -51,8 +52,8 @@ pub fn json(of: &FeedForward) -> Value {
         },
         "has_gain": judged.has_gain(),
         "table": if judged.has_gain() { of.rows().map(point).collect() } else { Value::Null },
-        "inertia": of.inertia.map(|(value, std_error)| json!({
-            "value": value, "std_error": std_error, "unit": of.inertia_unit(),
+        "inertia": of.inertia.map(|inertia| json!({
+            "value": inertia.value, "std_error": inertia.std_error, "unit": of.inertia_unit(),
         })),
         "gravity": of.has_gravity().then(|| json!({
             "sine": of.rigid_body.gravity_sine,
@@ -99,8 +100,8 @@ pub fn text(of: &FeedForward) -> String {
         units.speed,
         error(of.rows().map(|point| point.torque.abs()).fold(0.0, f64::max)),
     );
-    if let Some((inertia, std_error)) = of.inertia {
-        let value = joint_log::number::with_error(inertia, std_error);
+    if let Some(Estimated { value, std_error }) = of.inertia {
+        let value = joint_log::number::with_error(value, std_error);
         let _ = writeln!(text, "Inertia: {value} {}.", of.inertia_unit());
     }
     of.remarks.iter().for_each(|remark| text += &format!("- {remark}\n"));

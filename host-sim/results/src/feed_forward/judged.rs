@@ -64,8 +64,8 @@ impl Judged {
     pub fn new(fit: &Outcome, table: &[TablePoint], test: Rows) -> Self {
         let form = fit.for_driver();
         let rigid_body = RigidBody::of(&form.parameters);
-        let nothing = errors(test.tracks, |sample| rigid_body.torque(sample) + rigid_body.offset);
-        let by_table = table_errors(table, &rigid_body, test.tracks);
+        let nothing = errors(test, |sample| rigid_body.torque(sample) + rigid_body.offset);
+        let by_table = table_errors(table, &rigid_body, test);
         let model = predict(&form.parameters, test, fit.resolution);
         Self {
             nothing: nothing.metrics,
@@ -83,12 +83,12 @@ impl Judged {
 }
 
 /// Returns the errors of a table with the rigid-body parts.
-pub fn table_errors(table: &[TablePoint], rigid_body: &RigidBody, tracks: &[Track]) -> Predicted {
-    errors(tracks, |sample| rigid_body.torque(sample) + interpolated(table, sample.velocity_rad_s))
+pub fn table_errors(table: &[TablePoint], rigid_body: &RigidBody, rows: Rows) -> Predicted {
+    errors(rows, |sample| rigid_body.torque(sample) + interpolated(table, sample.velocity_rad_s))
 }
 
 /// Returns the errors of a torque that depends on the row alone.
-fn errors(tracks: &[Track], torque: impl Fn(&Sample<f64>) -> f64) -> Predicted {
-    let torques = tracks.iter().map(|track| track.samples.iter().map(&torque).collect()).collect();
-    Predicted::of_torque(Rows { tracks, decimate: 1 }, torques)
+fn errors(rows: Rows, torque: impl Fn(&Sample<f64>) -> f64) -> Predicted {
+    let of_track = |track: &Track| track.samples.iter().map(&torque).collect();
+    Predicted::of_torque(rows, rows.tracks.iter().map(of_track).collect())
 }

@@ -1,32 +1,35 @@
 //! The torque of a fitted model in steady sliding, with its standard error.
 
-use compensator_core::{ModelState, ParameterId, Parameters, Sample};
+use crate::steady_torque::steady_torque;
+use compensator_core::{ParameterId, Parameters, Sample};
 use friction_fit::{Estimate, Outcome};
-
-/// Sample period, s. It is long enough for every bristle to reach steady sliding.
-const STEADY_PERIOD_S: f64 = 1000.0;
-
-/// Number of samples at each speed.
-const STEPS: usize = 100;
 
 /// Step of a parameter for the derivative, as a share of its value and of its standard error.
 const STEP_SHARE: f64 = 0.01;
 
 /// Returns the torque that drives the joint at a constant velocity, Nm: friction and offset, without gravity.
-pub fn steady_torque(parameters: &Parameters<f64>, velocity_rad_s: f64) -> f64 {
-    let model = parameters.build_unchecked::<f64>(STEADY_PERIOD_S);
+pub fn torque_without_gravity(parameters: &Parameters<f64>, velocity_rad_s: f64) -> f64 {
     let sample = Sample { velocity_rad_s, position_weight: 0.0, ..Sample::default() };
-    let mut state = ModelState::default();
-    (0..STEPS).map(|_| model.step(&mut state, &sample)).last().unwrap_or(0.0)
+    steady_torque(parameters, &sample)
 }
 
 /// A fitted model in the form that a driver runs, with the covariance of its parameters.
 pub struct SteadyModel {
     /// The parameters.
     pub parameters: Parameters<f64>,
+    /// Fitted parameters with their standard errors.
     free: Vec<(ParameterId, f64)>,
     /// Row by row.
     correlation: Vec<f64>,
+}
+
+/// A value with its standard error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimated {
+    /// The value.
+    pub value: f64,
+    /// Its standard error, in the same unit.
+    pub std_error: f64,
 }
 
 impl SteadyModel {
@@ -45,15 +48,15 @@ impl SteadyModel {
         Self { parameters: form.parameters, free, correlation }
     }
 
-    /// Returns the torque at a velocity and its standard error, Nm.
-    pub fn torque(&self, velocity_rad_s: f64) -> (f64, f64) {
-        let torque = steady_torque(&self.parameters, velocity_rad_s);
+    /// Returns the torque at a velocity, Nm.
+    pub fn torque(&self, velocity_rad_s: f64) -> Estimated {
+        let value = torque_without_gravity(&self.parameters, velocity_rad_s);
         let effects: Vec<f64> =
             self.free.iter().map(|(id, error)| self.effect(*id, *error, velocity_rad_s)).collect();
         let products = pairs(effects.len()).zip(&self.correlation);
         let variance: f64 =
             products.map(|((i, j), correlation)| effects[i] * correlation * effects[j]).sum();
-        (torque, variance.max(0.0).sqrt())
+        Estimated { value, std_error: variance.max(0.0).sqrt() }
     }
 
     /// Returns the change of the torque by one standard error of a parameter, Nm.
@@ -65,7 +68,9 @@ impl SteadyModel {
         if !(step > 0.0 && step.is_finite()) {
             return 0.0;
         }
-        let at = |value| steady_torque(&self.parameters.clone().with(id, value), velocity_rad_s);
+        let at = |value| {
+            torque_without_gravity(&self.parameters.clone().with(id, value), velocity_rad_s)
+        };
         let slope = (at(value + step) - at(value - step)) / (2.0 * step);
         if slope.abs() < f64::EPSILON { 0.0 } else { slope * std_error }
     }
@@ -99,7 +104,7 @@ mod tests {
         for velocity in [-3.0f64, -0.2, 1e-4, 0.05, 2.0] {
             let level = 0.5 + 0.3 * (-(velocity / 0.2).powi(2)).exp();
             let expected = level * velocity.signum() + 0.1 * velocity + 0.05;
-            let torque = steady_torque(&parameters, velocity);
+            let torque = torque_without_gravity(&parameters, velocity);
             assert!((torque - expected).abs() < 1e-4, "{velocity}: {torque} {expected}");
         }
     }
@@ -112,7 +117,7 @@ mod tests {
             correlation: vec![1.0, 0.0, 0.0, 1.0],
         };
         for velocity in [-2.0f64, 0.5] {
-            let (_, error) = model.torque(velocity);
+            let error = model.torque(velocity).std_error;
             let expected = (0.03f64.powi(2) + (0.02 * velocity).powi(2)).sqrt();
             assert!((error - expected).abs() < 1e-9, "{velocity}: {error} {expected}");
         }
@@ -126,7 +131,7 @@ mod tests {
             correlation: vec![1.0, -1.0, -1.0, 1.0],
         };
         // At 1 rad/s the errors cancel; at -1 rad/s as well, because both reverse.
-        assert!(model.torque(1.0).1 < 1e-9 && model.torque(-1.0).1 < 1e-9);
-        assert!((model.torque(3.0).1 - 0.06).abs() < 1e-9);
+        assert!(model.torque(1.0).std_error < 1e-9 && model.torque(-1.0).std_error < 1e-9);
+        assert!((model.torque(3.0).std_error - 0.06).abs() < 1e-9);
     }
 }

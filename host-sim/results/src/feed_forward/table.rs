@@ -4,7 +4,7 @@
 //! torque is a straight line: a jump at zero would excite the joint at each reversal. The width of that line is the one with
 //! the smallest error on the training rows, because a joint in presliding does not hold its full level.
 
-use super::steady::SteadyModel;
+use super::steady::{Estimated, SteadyModel};
 use friction_fit::Track;
 
 /// Number of speeds in each direction.
@@ -60,11 +60,14 @@ fn table(model: &SteadyModel, slowest: f64, fastest: f64) -> Vec<TablePoint> {
     let negative = speeds().rev().map(|speed| -speed);
     let velocities = negative.chain([0.0]).chain(speeds());
     let point = |velocity: f64| {
-        let (torque, std_error) = match velocity {
+        let Estimated { value: torque, std_error } = match velocity {
             // The line between both directions passes here.
             0.0 => {
                 let (ahead, back) = (model.torque(slowest), model.torque(-slowest));
-                (0.5 * (ahead.0 + back.0), 0.5 * (ahead.1 + back.1))
+                Estimated {
+                    value: 0.5 * (ahead.value + back.value),
+                    std_error: 0.5 * (ahead.std_error + back.std_error),
+                }
             }
             velocity => model.torque(velocity),
         };

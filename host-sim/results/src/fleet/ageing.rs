@@ -93,19 +93,15 @@ fn ageing(trends: &[JointTrend]) -> Vec<Ageing> {
     let tested = fits(1.0 - FLEET_SIGNIFICANCE / tests);
     let relative = |fit: &Option<RobustSlope>| fit.as_ref().map(RobustSlope::relative);
     let slopes: Vec<Option<RobustSlope>> = tested.iter().map(relative).collect();
-    let std_error = |fit: &Option<RobustSlope>| {
-        let [low, high] = relative(fit)?.interval;
-        Some((high - low) / (2.0 * HALF_WIDTH_95))
-    };
-    let mut all: Vec<Ageing> = trends
-        .iter()
-        .enumerate()
-        .map(|(at, joint)| {
-            let std_error = std_error(&shown[at]).unwrap_or_default();
-            let is_ageing = stands_out(&slopes, at, std_error, FLEET_SIGNIFICANCE / tests);
-            result(joint, shown[at].as_ref(), is_ageing)
-        })
-        .collect();
+    let each = trends.iter().zip(&shown).enumerate().map(|(at, (joint, shown))| {
+        let is_ageing = shown.as_ref().is_some_and(|shown| {
+            let [low, high] = shown.relative().interval;
+            let std_error = (high - low) / (2.0 * HALF_WIDTH_95);
+            stands_out(&slopes, at, std_error, FLEET_SIGNIFICANCE / tests)
+        });
+        result(joint, shown.as_ref(), is_ageing)
+    });
+    let mut all: Vec<Ageing> = each.collect();
     all.sort_by(|a, b| {
         let size = |of: &Ageing| of.change_per_100h.unwrap_or(f64::NEG_INFINITY);
         let order = (a.ageing.is_none()).cmp(&b.ageing.is_none());

@@ -12,7 +12,7 @@
 //! and a log without slow motion determines none of them. Signed quantities of mirrored joints are compared with the sign of the
 //! others ([`mirror`](super::mirror)).
 
-use super::mirror::{SignedValues, is_turned, mirrored};
+use super::mirror::{SignedValue, is_turned, mirrored};
 use super::statistics::{FLEET_SIGNIFICANCE, middle, natural_key};
 use super::{FleetRow, LEVELS, Level, SIGNED};
 use crate::page::words::{counted, listed};
@@ -80,11 +80,31 @@ pub struct Comparisons {
     pub notes: Vec<String>,
 }
 
-/// What, model or cause, and unit: what makes values comparable.
-type Group<'a> = (Compared, &'a str, &'a str);
+/// What makes values comparable.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Group<'a> {
+    what: Compared,
+    /// Name of the cause or of the fixed model; empty for a signed part.
+    name: &'a str,
+    unit: &'a str,
+}
 
-/// A value with its row and standard error.
-type Value = (usize, f64, f64);
+/// A value of a joint.
+struct Value {
+    /// Index of the row.
+    row: usize,
+    level: Level,
+}
+
+/// The cause that most logs of a joint name.
+pub(super) struct MainCause<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Number of logs that name it.
+    pub named: usize,
+    /// Index of the latest row that names it.
+    pub latest: usize,
+}
 
 /// Causes whose size has the sign of the direction.
 const SIGNED_CAUSES: [&str; 2] = ["torque-offset", "direction-asymmetry"];
@@ -102,20 +122,14 @@ pub(super) fn rows_by_joint(rows: &[FleetRow]) -> BTreeMap<&str, Vec<usize>> {
     by_joint
 }
 
-/// Returns the cause that most logs of a joint name, `none` without one; in how many; and the latest that agrees.
-pub(super) fn main_cause<'a>(
-    rows: &'a [FleetRow],
-    of_joint: &[usize],
-) -> (&'a str, usize, Option<usize>) {
-    let mut found: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+/// Returns the main cause of a joint with these rows, the latest campaign last; `None` if no log names one.
+pub(super) fn main_cause<'a>(rows: &'a [FleetRow], of_joint: &[usize]) -> Option<MainCause<'a>> {
+    let mut naming: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     let good = of_joint.iter().filter(|at| rows[**at].is_ok() && rows[**at].cause != "none");
-    good.for_each(|at| {
-        let count = found.get(rows[*at].cause.as_str()).map_or(0, |(count, _)| *count);
-        found.insert(&rows[*at].cause, (count + 1, *at));
-    });
-    let most =
-        found.into_iter().max_by_key(|(name, (count, _))| (*count, std::cmp::Reverse(*name)));
-    most.map_or(("none", 0, None), |(name, (count, latest))| (name, count, Some(latest)))
+    good.for_each(|at| naming.entry(&rows[*at].cause).or_default().push(*at));
+    let most = naming.into_iter().max_by_key(|(name, rows)| (rows.len(), std::cmp::Reverse(*name)));
+    let (name, rows) = most?;
+    Some(MainCause { name, named: rows.len(), latest: *rows.last()? })
 }
 
 /// Compares the size of each joint's main cause, its latest levels, and the signed parts of its rigid body, with those of the
@@ -123,33 +137,35 @@ pub(super) fn main_cause<'a>(
 pub fn comparisons(rows: &[FleetRow]) -> Comparisons {
     let latest = latest(rows);
     let groups = groups(rows, &latest);
-    let mirrored = mirrored(&groups.iter().filter_map(|of| signed(rows, of)).collect::<Vec<_>>());
+    let signed_groups = groups.iter().filter_map(|(group, values)| signed(rows, group, values));
+    let mirrored = mirrored(&signed_groups.collect::<Vec<_>>());
     let has_enough = |values: &Vec<Value>| values.len() >= MIN_COMPARED;
-    let is_tested = |&(what, model, unit): &Group| match what {
+    let is_tested = |group: &Group| match group.what {
         Compared::Level(level) => {
-            !groups.get(&(Compared::LinearLevel(level), model, unit)).is_some_and(has_enough)
+            let linear = Group { what: Compared::LinearLevel(level), ..*group };
+            !groups.get(&linear).is_some_and(has_enough)
         }
         _ => true,
     };
     let tested = groups.iter().filter(|of| has_enough(of.1) && is_tested(of.0)).count();
     let mut each: BTreeMap<(usize, Compared), Comparison> = BTreeMap::new();
     let mut turned = Vec::new();
-    for (key, group) in &groups {
-        let is_turned = signed(rows, (key, group)).is_some_and(|of| is_turned(&of, &mirrored));
-        let side = |row: usize| if mirrored.contains(&&*rows[row].joint) { -1.0 } else { 1.0 };
-        let values: Vec<(f64, f64)> = group
-            .iter()
-            .map(|(row, value, error)| {
-                (if is_turned { side(*row) * value } else { *value }, *error)
-            })
-            .collect();
+    for (group, values) in &groups {
+        let what = group.what;
+        let is_turned = signed(rows, group, values).is_some_and(|of| is_turned(&of, &mirrored));
+        let of_one_side = |of: &Value| {
+            let is_turned = is_turned && mirrored.contains(&&*rows[of.row].joint);
+            let value = if is_turned { -of.level.value } else { of.level.value };
+            Level { value, ..of.level }
+        };
+        let levels: Vec<Level> = values.iter().map(of_one_side).collect();
         if is_turned {
-            turned.push(if let Compared::Signed(at) = key.0 { SIGNED[at] } else { key.1 });
+            turned.push(if let Compared::Signed(part) = what { SIGNED[part] } else { group.name });
         }
-        let found = distances(&values, FLEET_SIGNIFICANCE / tested as f64);
-        for (at, &(row, value, _)) in group.iter().enumerate() {
+        let found = distances(&levels, FLEET_SIGNIFICANCE / tested as f64);
+        for (at, &Value { row, level }) in values.iter().enumerate() {
             let distance = found.get(at).copied();
-            each.insert((row, key.0), Comparison { row, what: key.0, value, distance });
+            each.insert((row, what), Comparison { row, what, value: level.value, distance });
         }
     }
     of_one_model(&mut each);
@@ -178,21 +194,20 @@ fn latest(rows: &[FleetRow]) -> Vec<usize> {
 fn groups<'a>(rows: &'a [FleetRow], latest: &[usize]) -> BTreeMap<Group<'a>, Vec<Value>> {
     let mut groups: BTreeMap<Group, Vec<Value>> = BTreeMap::new();
     for of_joint in rows_by_joint(rows).into_values() {
-        let sized = main_cause(rows, &of_joint).2.map(|at| (at, &rows[at]));
-        if let Some((at, row)) = sized
-            && let (Some(size), Some([low, high])) = (row.size, row.size_ci95)
-        {
-            let error = (high - low) / (2.0 * HALF_WIDTH_95);
-            let key = (Compared::Cause, row.cause.as_str(), row.size_unit.as_str());
-            groups.entry(key).or_default().push((at, size, error));
+        let Some(MainCause { latest: at, .. }) = main_cause(rows, &of_joint) else { continue };
+        let row = &rows[at];
+        if let (Some(value), Some([low, high])) = (row.size, row.size_ci95) {
+            let level = Level { value, std_error: (high - low) / (2.0 * HALF_WIDTH_95) };
+            let group = Group { what: Compared::Cause, name: &row.cause, unit: &row.size_unit };
+            groups.entry(group).or_default().push(Value { row: at, level });
         }
     }
     for &at in latest {
         let row = &rows[at];
-        let mut add = |what, model, of: &Option<Level>| {
-            let Some(of) = of else { return };
-            let values = groups.entry((what, model, row.unit.as_str())).or_default();
-            values.push((at, of.value, of.std_error));
+        let mut add = |what, name, level: &Option<Level>| {
+            let Some(level) = *level else { return };
+            let group = Group { what, name, unit: &row.unit };
+            groups.entry(group).or_default().push(Value { row: at, level });
         };
         let levels = row.levels.iter().enumerate();
         levels.for_each(|(level, of)| add(Compared::Level(level), &row.fixed_model, of));
@@ -202,9 +217,8 @@ fn groups<'a>(rows: &'a [FleetRow], latest: &[usize]) -> BTreeMap<Group<'a>, Vec
         parts.for_each(|(part, of)| add(Compared::Signed(part), "", of));
     }
     // A size that its log does not determine has an infinite interval.
-    groups
-        .values_mut()
-        .for_each(|values| values.retain(|(_, value, error)| (value + error).is_finite()));
+    let is_finite = |of: &Value| (of.level.value + of.level.std_error).is_finite();
+    groups.values_mut().for_each(|values| values.retain(is_finite));
     groups
 }
 
@@ -267,37 +281,42 @@ fn models_in_words(
 /// Returns the values of a signed quantity with the names of their joints; `None` for another quantity, and of too few joints.
 fn signed<'a>(
     rows: &'a [FleetRow],
-    (key, group): (&Group, &Vec<Value>),
-) -> Option<SignedValues<'a>> {
-    let is_signed = match key.0 {
-        Compared::Cause => SIGNED_CAUSES.contains(&key.1),
-        what => matches!(what, Compared::Signed(_)),
+    group: &Group,
+    values: &[Value],
+) -> Option<Vec<SignedValue<'a>>> {
+    let is_signed = match group.what {
+        Compared::Cause => SIGNED_CAUSES.contains(&group.name),
+        Compared::Signed(_) => true,
+        Compared::Level(_) | Compared::LinearLevel(_) => false,
     };
-    let named = |(row, value, error): &Value| (rows[*row].joint.as_str(), *value, *error);
-    (is_signed && group.len() >= MIN_COMPARED).then(|| group.iter().map(named).collect())
+    let named = |of: &Value| SignedValue { joint: &rows[of.row].joint, level: of.level };
+    (is_signed && values.len() >= MIN_COMPARED).then(|| values.iter().map(named).collect())
 }
 
-/// Returns the distance of each value with its standard error from the others; empty if there are too few.
-pub fn distances(values: &[(f64, f64)], significance: f64) -> Vec<Distance> {
+/// Returns the distance of each value from the others; empty if there are too few.
+pub fn distances(values: &[Level], significance: f64) -> Vec<Distance> {
     if values.len() < MIN_COMPARED {
         return Vec::new();
     }
-    let has_sign = |sign: f64| values.iter().all(|(value, _)| sign * value > 0.0);
+    let has_sign = |sign: f64| values.iter().all(|of| sign * of.value > 0.0);
     let has_factor = has_sign(1.0) || has_sign(-1.0);
     let mut differs = differing(values, significance);
     if has_factor {
-        let logarithm = |(value, error): &(f64, f64)| (value.abs().ln(), error / value.abs());
+        let logarithm = |of: &Level| Level {
+            value: of.value.abs().ln(),
+            std_error: of.std_error / of.value.abs(),
+        };
         let also = differing(&values.iter().map(logarithm).collect::<Vec<_>>(), significance);
         differs.iter_mut().zip(also).for_each(|(linear, also)| *linear &= also);
     }
     let alike = values.iter().zip(&differs).filter(|(_, differs)| !**differs).map(|(of, _)| *of);
-    let others = middle(alike.clone().map(|(value, _)| value));
+    let others = middle(alike.clone().map(|of| of.value));
     let sums = alike.fold(Sums::default(), |sums, of| sums.with(of, others, 1.0));
     // The standard error of a median of normal values.
     let error = (FRAC_PI_2 * sums.mean_and_variance().1 / sums.count).sqrt();
     let student = StudentsT::new(0.0, 1.0, sums.count - 1.0);
     let reach = student.map_or(f64::INFINITY, |of| of.inverse_cdf(0.975));
-    let distance = |(&(value, std_error), differs): (&(f64, f64), bool)| {
+    let distance = |(&Level { value, std_error }, differs): (&Level, bool)| {
         let (difference, half) = (value - others, reach * error.hypot(std_error));
         let factor = || {
             let reach = reach * (error / others).hypot(std_error / value);
@@ -320,12 +339,12 @@ struct Sums {
 
 impl Sums {
     /// Adds a value, as its distance from a middle, or takes it away.
-    fn with(self, (value, error): (f64, f64), middle: f64, sign: f64) -> Self {
+    fn with(self, of: Level, middle: f64, sign: f64) -> Self {
         Self {
             count: self.count + sign,
-            sum: self.sum + sign * (value - middle),
-            squares: self.squares + sign * (value - middle).powi(2),
-            errors: self.errors + sign * error.powi(2),
+            sum: self.sum + sign * (of.value - middle),
+            squares: self.squares + sign * (of.value - middle).powi(2),
+            errors: self.errors + sign * of.std_error.powi(2),
         }
     }
 
@@ -338,8 +357,8 @@ impl Sums {
 }
 
 /// Returns which values differ from the others on one scale.
-fn differing(values: &[(f64, f64)], significance: f64) -> Vec<bool> {
-    let middle = middle(values.iter().map(|(value, _)| *value));
+fn differing(values: &[Level], significance: f64) -> Vec<bool> {
+    let middle = middle(values.iter().map(|of| of.value));
     let mut left = values.iter().fold(Sums::default(), |sums, of| sums.with(*of, middle, 1.0));
     let mut kept: Vec<usize> = (0..values.len()).collect();
     let (mut removed, mut significant) = (Vec::new(), 0);
@@ -347,8 +366,9 @@ fn differing(values: &[(f64, f64)], significance: f64) -> Vec<bool> {
         let score = |at: usize| {
             let others = left.with(values[at], middle, -1.0);
             let (mean, variance) = others.mean_and_variance();
-            let error = (variance * (1.0 + 1.0 / others.count)).sqrt().hypot(values[at].1);
-            if error > 0.0 { (values[at].0 - middle - mean).abs() / error } else { 0.0 }
+            let Level { value, std_error } = values[at];
+            let error = (variance * (1.0 + 1.0 / others.count)).sqrt().hypot(std_error);
+            if error > 0.0 { (value - middle - mean).abs() / error } else { 0.0 }
         };
         let scores = kept.iter().enumerate().map(|(place, at)| (place, score(*at)));
         let Some((place, score)) = scores.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
@@ -393,13 +413,14 @@ mod tests {
         [count, large]: [usize; 2],
         factor: f64,
         random: &mut impl FnMut() -> f64,
-    ) -> Vec<(f64, f64)> {
+    ) -> Vec<Level> {
         let mut sizes: Vec<f64> = (0..count).map(|_| size(name, random())).collect();
         let middle = middle(sizes.iter().copied());
         sizes[..large].fill(factor * middle);
         let measured = sizes.into_iter().map(|size| {
-            let error = 0.015 * size * (0.5 + 2.5 * random());
-            (Normal::new(size, error).unwrap().inverse_cdf(random()), error)
+            let std_error = 0.015 * size * (0.5 + 2.5 * random());
+            let value = Normal::new(size, std_error).unwrap().inverse_cdf(random());
+            Level { value, std_error }
         });
         measured.collect()
     }
@@ -443,9 +464,10 @@ mod tests {
 
     #[test]
     fn distances_state_difference_and_factor() {
-        let mut values: Vec<(f64, f64)> =
-            [15.0, 14.2, 15.9, 15.4, 14.6, 15.1, 14.8].map(|value| (value, 0.3)).to_vec();
-        values.push((60.0, 1.0));
+        let mut values = [15.0, 14.2, 15.9, 15.4, 14.6, 15.1, 14.8]
+            .map(|value| Level { value, std_error: 0.3 })
+            .to_vec();
+        values.push(Level { value: 60.0, std_error: 1.0 });
         let found = distances(&values, FLEET_SIGNIFICANCE);
         let [factor, low, high] = found[7].factor.unwrap();
         assert!(found[7].differs && found[..7].iter().all(|of| !of.differs), "{found:?}");
@@ -453,11 +475,8 @@ mod tests {
         assert!((3.6..3.95).contains(&low) && factor == 4.0 && (4.05..4.4).contains(&high));
         let [_, low, high] = found[7].difference;
         assert!(40.0 < low && low < 44.0 && 46.0 < high && high < 50.0, "{low} to {high}");
-        let mirrored: Vec<(f64, f64)> = values
-            .iter()
-            .enumerate()
-            .map(|(at, of)| (if at % 2 == 0 { of.0 } else { -of.0 }, of.1))
-            .collect();
+        let mut mirrored = values.clone();
+        mirrored.iter_mut().skip(1).step_by(2).for_each(|of| of.value = -of.value);
         let found = distances(&mirrored, FLEET_SIGNIFICANCE);
         assert!(found.iter().all(|of| of.factor.is_none()), "{found:?}");
         assert!(distances(&values[5..], FLEET_SIGNIFICANCE).is_empty(), "three joints");

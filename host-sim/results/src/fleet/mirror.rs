@@ -3,11 +3,17 @@
 //! A mirror inverts position, velocity and torque together. Friction stays; a zero error of the torque, the cosine part of gravity
 //! and a difference between the directions change their sign. Such a quantity has two signs in the fleet, and one size.
 
+use super::Level;
 use super::statistics::{middle, natural_key};
 use std::collections::BTreeMap;
 
-/// A signed quantity of some joints: the joint, the value, and its standard error.
-pub(super) type SignedValues<'a> = Vec<(&'a str, f64, f64)>;
+/// A signed quantity of a joint.
+pub(super) struct SignedValue<'a> {
+    /// Name of the joint.
+    pub joint: &'a str,
+    /// The quantity.
+    pub level: Level,
+}
 
 /// Minimum number of joints of each sign. A single joint of the other sign may have a fault.
 const MIN_OF_A_SIGN: usize = 2;
@@ -18,38 +24,43 @@ const CLEAR_ERRORS: f64 = 3.0;
 /// Largest median deviation of the sizes of mirrored joints from their median, as a share of it. Values around 0 have 0.6.
 const MAX_SIZE_DEVIATION: f64 = 0.2;
 
-/// Returns the sign of a value; 0 if its error may change it.
-fn sign((_, value, error): &(&str, f64, f64)) -> f64 {
-    if value.abs() > CLEAR_ERRORS * error { value.signum() } else { 0.0 }
+impl SignedValue<'_> {
+    /// Returns the sign; 0 if the error of the value may change it.
+    fn sign(&self) -> f64 {
+        let Level { value, std_error } = self.level;
+        if value.abs() > CLEAR_ERRORS * std_error { value.signum() } else { 0.0 }
+    }
 }
 
 /// Returns true if a quantity has two signs and one size.
-fn has_mirrored_signs(values: &SignedValues) -> bool {
-    let of_sign = |wanted: f64| values.iter().filter(|of| sign(of) == wanted).count();
+fn has_mirrored_signs(values: &[SignedValue]) -> bool {
+    let of_sign = |wanted: f64| values.iter().filter(|of| of.sign() == wanted).count();
     if of_sign(1.0).min(of_sign(-1.0)) < MIN_OF_A_SIGN {
         return false;
     }
-    let sizes = values.iter().map(|(_, value, _)| value.abs());
+    let sizes = values.iter().map(|of| of.level.value.abs());
     let size = middle(sizes.clone());
     middle(sizes.map(|of| (of - size).abs())) <= MAX_SIZE_DEVIATION * size
 }
 
 /// Adds up, over the joints of known sides, how far the signs of a quantity follow them: a mirrored quantity gives their number.
-fn agreement(values: &SignedValues, sides: &BTreeMap<&str, f64>) -> f64 {
-    values.iter().map(|of| sign(of) * sides.get(of.0).copied().unwrap_or_default()).sum()
+fn agreement(values: &[SignedValue], sides: &BTreeMap<&str, f64>) -> f64 {
+    values.iter().filter_map(|of| Some(of.sign() * sides.get(of.joint)?)).sum()
 }
 
 /// Returns the names of the joints that are mirrored, in natural order: the smaller half, or that without the first joint.
-pub(super) fn mirrored<'a>(quantities: &[SignedValues<'a>]) -> Vec<&'a str> {
-    let mut found: Vec<&SignedValues> =
+pub(super) fn mirrored<'a>(quantities: &[Vec<SignedValue<'a>>]) -> Vec<&'a str> {
+    let mut found: Vec<&Vec<SignedValue>> =
         quantities.iter().filter(|of| has_mirrored_signs(of)).collect();
-    found.sort_by_key(|of| std::cmp::Reverse(of.iter().filter(|of| sign(of) != 0.0).count()));
+    found.sort_by_key(|of| std::cmp::Reverse(of.iter().filter(|of| of.sign() != 0.0).count()));
     // Each quantity votes on the side of each joint. The first one decides between equal votes.
     let mut votes: BTreeMap<&str, f64> = BTreeMap::new();
     for (place, values) in found.into_iter().enumerate() {
         let turned = if agreement(values, &votes) < 0.0 { -1.0 } else { 1.0 };
         let weight = if place == 0 { 1.5 } else { 1.0 };
-        values.iter().for_each(|of| *votes.entry(of.0).or_default() += weight * turned * sign(of));
+        for of in values {
+            *votes.entry(of.joint).or_default() += weight * turned * of.sign();
+        }
     }
     let mut names: Vec<&str> = votes.keys().copied().collect();
     names.sort_by_cached_key(|name| natural_key(name));
@@ -66,10 +77,10 @@ pub(super) fn mirrored<'a>(quantities: &[SignedValues<'a>]) -> Vec<&'a str> {
 }
 
 /// Returns true if a quantity changes its sign with the mirror: its signs agree better with each other after they are turned.
-pub(super) fn is_turned(values: &SignedValues, mirrored: &[&str]) -> bool {
+pub(super) fn is_turned(values: &[SignedValue], mirrored: &[&str]) -> bool {
     let side = |name: &str| if mirrored.contains(&name) { -1.0 } else { 1.0 };
-    let sides: BTreeMap<&str, f64> = values.iter().map(|of| (of.0, side(of.0))).collect();
-    let plain: BTreeMap<&str, f64> = values.iter().map(|of| (of.0, 1.0)).collect();
+    let sides: BTreeMap<&str, f64> = values.iter().map(|of| (of.joint, side(of.joint))).collect();
+    let plain: BTreeMap<&str, f64> = values.iter().map(|of| (of.joint, 1.0)).collect();
     agreement(values, &sides).abs() > agreement(values, &plain).abs()
 }
 
@@ -80,8 +91,10 @@ mod tests {
     const NAMES: [&str; 8] =
         ["leg-1", "leg-2", "leg-3", "leg-4", "leg-5", "leg-6", "leg-7", "leg-10"];
 
-    fn values(of: [f64; 8]) -> SignedValues<'static> {
-        NAMES.into_iter().zip(of).map(|(name, value)| (name, value, 0.01)).collect()
+    fn values(of: [f64; 8]) -> Vec<SignedValue<'static>> {
+        let named = NAMES.into_iter().zip(of);
+        let value = |(joint, value)| SignedValue { joint, level: Level { value, std_error: 0.01 } };
+        named.map(value).collect()
     }
 
     const OFFSETS: [f64; 8] = [0.5, -0.52, 0.48, -0.5, 0.51, -0.49, 0.5, -0.47];

@@ -154,7 +154,7 @@ pub(super) fn neighbours(time: f64) -> String {
 }
 
 fn velocity_axis(view: &View) -> Axis {
-    Axis::new(format!("velocity ({})", view.study.data.joint.velocity_unit()))
+    Axis::new(format!("velocity ({})", view.study.input.data.joint.velocity_unit()))
 }
 
 fn torque_axis(view: &View) -> Axis {

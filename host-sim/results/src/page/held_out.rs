@@ -144,8 +144,8 @@ fn simulated(fit: &Outcome, study: &FitReport) -> Simulated {
 fn clock(study: &FitReport) -> (Vec<f64>, Vec<(String, f64)>) {
     let tracks = study.test.tracks;
     let logged = |track: &Track| {
-        let part = &study.split.test[track.run];
-        let run = &study.data.runs[part.run];
+        let part = &study.input.split.test[track.run];
+        let run = &study.input.data.runs[part.run];
         let first = part.rows.start + track.first_row;
         (run.name.clone(), &run.time_s[first..first + track.len()])
     };

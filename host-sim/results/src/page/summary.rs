@@ -205,7 +205,7 @@ fn times(view: &View) -> [f64; 2] {
 
 /// Returns the varying columns of the log that have a named cause whose term the recommended model does not use.
 fn unused_columns(view: &View) -> Vec<&'static str> {
-    let (data, used) = (view.study.data, &view.fit(view.chosen()).spec);
+    let (data, used) = (&view.study.input.data, &view.fit(view.chosen()).spec);
     let columns = contract::covariates().map(|quantity| quantity.name(data.joint));
     let varies = |column: &str| {
         let values = || data.runs.iter().filter_map(|run| data.column(run, column)).flatten();

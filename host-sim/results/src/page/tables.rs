@@ -2,6 +2,7 @@
 
 use super::{View, fitted};
 use crate::report::{Block, Cell, Table};
+use friction_diagnose::prepare::Prepared;
 use friction_fit::params::{unit, unit_in_words};
 use friction_fit::{Estimate, Metrics, Outcome, State};
 use std::ops::Range;
@@ -83,7 +84,7 @@ fn sentence(verdict: &str) -> String {
 fn values(view: &View, index: usize) -> Table {
     let row = |estimate: &Estimate| {
         let [value, state] = value_and_state(estimate);
-        let unit = unit_in_words(unit(estimate.id, view.study.data.joint));
+        let unit = unit_in_words(unit(estimate.id, view.study.input.data.joint));
         vec![estimate.id.name().into(), value, unit.into(), state]
     };
     let rows = view.fit(index).estimates.iter().map(row);
@@ -125,7 +126,7 @@ pub(crate) fn correlation(fit: &Outcome) -> Option<Block> {
 }
 
 pub(crate) fn files(view: &View) -> Table {
-    let files = view.study.data.files.iter().zip(view.study.hashes);
+    let files = view.study.input.data.files.iter().zip(&view.study.input.hashes);
     let row = |(file, hash): (&PathBuf, &String)| {
         vec![file.display().to_string().into(), hash.as_str().into()]
     };
@@ -133,7 +134,7 @@ pub(crate) fn files(view: &View) -> Table {
 }
 
 pub(crate) fn runs(view: &View) -> Table {
-    let (data, split) = (view.study.data, view.study.split);
+    let Prepared { data, split, .. } = view.study.input;
     let rows_of = |parts: &[joint_log::Part], run: usize| -> Cell {
         let of_run = parts.iter().filter(|part| part.run == run);
         Cell::Count(of_run.map(|part| Range::len(&part.rows) as u64).sum())

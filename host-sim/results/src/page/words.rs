@@ -1,6 +1,7 @@
 //! The title of the page, and the texts beside its charts and tables.
 
 use super::View;
+use friction_diagnose::prepare::Prepared;
 use joint_log::number::{count, significant};
 use joint_log::{Dataset, JointKind, Part};
 
@@ -10,7 +11,7 @@ pub(crate) const PARAMETERS: &str = "Values are given with one standard error. O
 
 /// Returns the title of the page: the files, and the model if there is only one.
 pub(crate) fn title(view: &View) -> String {
-    let on = file_names(view.study.data);
+    let on = file_names(&view.study.input.data);
     let of = match view.study.fits {
         [one] => format!("Friction model {}", one.spec),
         _ => "Friction models".to_owned(),
@@ -37,13 +38,13 @@ pub(crate) fn file_names(data: &Dataset) -> String {
 
 /// Describes the log: the kind of joint, the rows and the runs.
 pub(crate) fn logged(view: &View) -> String {
-    let data = view.study.data;
+    let data = &view.study.input.data;
     let joint = match data.joint {
         JointKind::Revolute => "Revolute joint (torque in Nm",
         JointKind::Prismatic => "Prismatic joint (force in N",
     };
     // A renamed column may have another unit, so the page shows its source.
-    let renamed = view.study.columns.iter().filter_map(|pair| pair.split_once('='));
+    let renamed = view.study.input.columns.iter().filter_map(|pair| pair.split_once('='));
     let mut renamed = renamed.map(|(ours, theirs)| (ours.trim(), theirs.trim()));
     let target = renamed.rfind(|(ours, _)| ["torque_nm", "force_n"].contains(ours));
     let source = target.map_or("as logged".to_owned(), |(_, theirs)| format!("logged as {theirs}"));
@@ -56,7 +57,7 @@ pub(crate) fn logged(view: &View) -> String {
 
 /// Returns the subtitle: the log and the held-out rows.
 pub(crate) fn subtitle(view: &View) -> String {
-    let (data, split) = (view.study.data, view.study.split);
+    let Prepared { data, split, .. } = view.study.input;
     let held: usize = split.test.iter().map(|part| part.rows.len()).sum();
     let (fitted, held_runs) = (split.train_runs(data), split.test_runs(data));
     let is_tail = |part: &Part| part.rows.start > 0 && part.rows.end == data.runs[part.run].len();
@@ -120,7 +121,7 @@ pub(crate) fn left_over(view: &View) -> String {
 /// Returns notes about the data, including unused columns.
 pub(crate) fn data(view: &View) -> Vec<String> {
     let mut texts = sources(view);
-    let covariates = &view.study.data.covariates;
+    let covariates = &view.study.input.data.covariates;
     if !covariates.is_empty() {
         let names = listed(covariates, 12);
         texts.push(format!("Columns that no model uses: {names}."));
@@ -131,7 +132,7 @@ pub(crate) fn data(view: &View) -> Vec<String> {
 /// Returns notes about the data.
 pub(crate) fn sources(view: &View) -> Vec<String> {
     let study = &view.study;
-    let data = study.data;
+    let Prepared { data, skip, columns, .. } = study.input;
     let mut texts = vec![match data.bad_rows.count {
         0 => format!("All {} rows were used.", count(data.rows_read as u64)),
         bad => format!(
@@ -141,9 +142,8 @@ pub(crate) fn sources(view: &View) -> Vec<String> {
         ),
     }];
     texts.extend(data.bad_rows.first.iter().map(|cell| format!("Left out: {cell}.")));
-    if study.skip > 0 {
-        texts
-            .push(format!("The first {} rows of each run were dropped.", count(study.skip as u64)));
+    if *skip > 0 {
+        texts.push(format!("The first {} rows of each run were dropped.", count(*skip as u64)));
     }
     if study.test.decimate > 1 {
         texts.push(format!(
@@ -151,10 +151,10 @@ pub(crate) fn sources(view: &View) -> Vec<String> {
             study.test.decimate
         ));
     }
-    if !study.columns.is_empty() {
+    if !columns.is_empty() {
         texts.push(format!(
             "Columns were mapped by --columns ({}); values have the units of the names on the left.",
-            study.columns.join(", ")
+            columns.join(", ")
         ));
     }
     let rigid = study.fits.iter().flat_map(|fit| &fit.spec.rigid_body);

@@ -179,16 +179,6 @@ impl From<Table> for Block {
 }
 
 impl Block {
-    /// Creates the title of a section.
-    pub fn heading(text: impl Into<String>) -> Self {
-        Self::Heading(text.into())
-    }
-
-    /// Creates a text.
-    pub fn paragraph(text: impl Into<String>) -> Self {
-        Self::Paragraph(text.into())
-    }
-
     /// Creates a collapsed block.
     pub fn details(summary: impl Into<String>, blocks: Vec<Self>) -> Self {
         Self::Details { summary: summary.into(), blocks }

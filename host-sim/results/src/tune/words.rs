@@ -2,7 +2,7 @@
 //!
 //! A *change* is `after / before - 1` in percent: negative if the new set is better. It is the gain with the other sign.
 
-use crate::page::words::{capitalised, counted, quantity};
+use crate::page::words::{capitalised, counted, listed, quantity};
 use crate::report::{Answers, Benefit};
 use crate::tune::{TuneArm, TuneGain, TuneOutcome, TuneQuantity, TuneReport};
 use friction_diagnose::{cause, probability_in_words};
@@ -194,13 +194,9 @@ fn differences(report: &TuneReport) -> Option<String> {
     let named = |wanted: Verdict| {
         let gains = report.gains.iter().filter(|gain| Verdict::of(gain) == wanted);
         let names: Vec<&str> = gains.map(|gain| gain.quantity.in_words()).collect();
-        let (last, first) = names.split_last()?;
-        let is_or_are = if first.is_empty() { "is" } else { "are" };
-        let names = match first {
-            [] => (*last).to_owned(),
-            first => format!("{} and {last}", first.join(", ")),
-        };
-        Some(format!("{names} {is_or_are} {}", wanted.in_words()))
+        let is_or_are = if names.len() == 1 { "is" } else { "are" };
+        let named = || format!("{} {is_or_are} {}", listed(&names, usize::MAX), wanted.in_words());
+        (!names.is_empty()).then(named)
     };
     let parts: Vec<String> =
         [Verdict::Better, Verdict::Worse].into_iter().filter_map(named).collect();
@@ -232,25 +228,18 @@ pub(super) fn cause(report: &TuneReport) -> String {
 
 /// Explains the trial above its table.
 pub(super) fn trial(report: &TuneReport) -> String {
-    let sets: Vec<String> = report
-        .trial
-        .arms()
-        .into_iter()
-        .map(|arm| format!("{} is {}", arm.letter(), arm.in_words()))
-        .collect();
+    let arms = report.trial.arms().into_iter();
+    let sets: Vec<String> =
+        arms.map(|arm| format!("{} is {}", arm.letter(), arm.in_words())).collect();
+    // Blanks between the letters, so that a line can break in the order.
+    let order: Vec<&str> = report.trial.blocks.iter().map(|block| block.arm.letter()).collect();
     format!(
         "The same motion was performed {} times in the order {}. {}. In this order, a steady drift of the joint favours no set. \
          The interval of a change is Student's over the rounds. It shows a difference only if it does not include zero.",
         report.trial.blocks.len(),
-        spaced(&report.trial.order()),
+        order.join(" "),
         sets.join(", ")
     )
-}
-
-/// Returns the order with blanks between the letters, so that a line can break in it.
-fn spaced(order: &str) -> String {
-    let letters: Vec<String> = order.chars().map(String::from).collect();
-    letters.join(" ")
 }
 
 /// Returns the name of a quantity with a capital letter.

@@ -26,8 +26,16 @@ const ORDERS: [&str; 2] = ["adopt", "discard"];
 pub(super) enum Request {
     /// A mode, which is a setting of the drive.
     Mode(Change),
-    /// An order: its number and its name.
-    Order(u8, &'static str),
+    /// An order.
+    Order(Order),
+}
+
+/// An order to the adaptation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Order {
+    /// Number in 2044h:5.
+    number: u8,
+    pub(super) name: &'static str,
 }
 
 /// Parses the word after `adapt`.
@@ -43,15 +51,14 @@ pub(super) fn parse(word: &str) -> Result<Request> {
         let expected = "on, hold, off, on-in-every-mode, adopt or discard";
         found(ITEM, format!("{word:?}"), expected)
     })?;
-    Ok(Request::Order(order as u8 + 1, ORDERS[order]))
+    Ok(Request::Order(Order { number: order as u8 + 1, name: ORDERS[order] }))
 }
 
 impl Driver {
-    /// Gives an order. Returns what was done.
-    pub(super) fn order_adaptation(&mut self, order: u8, name: &str) -> Result<String> {
+    /// Gives an order.
+    pub(super) fn order_adaptation(&mut self, order: Order) -> Result {
         let at = Address::new(index::ADAPTATION, AdaptationObject::ORDER);
-        self.client.write(at, &[order])?;
-        Ok(format!("learnt levels: {name}"))
+        Ok(self.client.write(at, &[order.number])?)
     }
 
     fn reals(&mut self, at_index: u16) -> Result<[f32; MAX_GAINS]> {
@@ -105,7 +112,7 @@ mod tests {
     #[test]
     fn parse_of_modes_and_orders_names_what_is_expected() {
         assert!(matches!(parse("hold"), Ok(Request::Mode(_))));
-        assert!(matches!(parse("discard"), Ok(Request::Order(2, "discard"))));
+        assert!(matches!(parse("discard"), Ok(Request::Order(Order { number: 2, .. }))));
         let refused = parse("yes").err().unwrap().to_string();
         assert!(refused.contains("on-in-every-mode, adopt or discard"), "{refused}");
         crate::snapshot::check("units-of-commands", "an unknown mode of the adaptation", &refused);

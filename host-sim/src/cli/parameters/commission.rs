@@ -118,27 +118,20 @@ impl Driver {
             return Err(self.end_reason()?.into());
         }
         let found = read_staged(&mut self.client)?;
-        let changes = differences(&before, &found);
         let results = self.describe_results(&before, &found, json)?;
         print_text(&results)?;
-        let is_accepted = how.is_confirmed("Store these values and confirm the wiring?")?;
-        if !is_accepted {
+        let done = if how.is_confirmed("Store these values and confirm the wiring?")? {
+            let active = write_set(&mut self.client, &found)?;
+            self.confirm(found.wiring_crc())?;
+            format!(
+                "{} values changed, wiring confirmed (crc {active:08x}, not saved: run `params save` to keep them over a reset)",
+                differences(&before, &found).len()
+            )
+        } else {
             self.client.write(Address::new(index::COMMIT, 4), &[1])?;
-            return if json {
-                Ok(())
-            } else {
-                print_text(&format!("{name}: nothing was changed\n"))
-            };
-        }
-        let active = write_set(&mut self.client, &found)?;
-        self.confirm(found.wiring_crc())?;
-        if json {
-            return Ok(());
-        }
-        print_text(&format!(
-            "{name}: {} values changed, wiring confirmed (crc {active:08x}, not saved: run `params save` to keep them over a reset)\n",
-            changes.len()
-        ))
+            "nothing was changed".to_owned()
+        };
+        if json { Ok(()) } else { print_text(&format!("{name}: {done}\n")) }
     }
 
     /// Sends keep-alive orders until the run ends. Returns the step in which it ended.

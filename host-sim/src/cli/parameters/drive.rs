@@ -48,6 +48,11 @@ impl Change {
         let unknown = || NameError::unknown(name, names().map(|(known, _)| known));
         found.map(|(name, at)| Self { name, at, value }).ok_or_else(unknown)
     }
+
+    /// Returns the change from the former setting in words.
+    pub(super) fn in_words(&self, former: &Self) -> String {
+        format!("{} {} -> {}", self.name, former.value, self.value)
+    }
 }
 
 impl Driver {
@@ -56,8 +61,8 @@ impl Driver {
         Ok(number_of(at, &self.client.read(at)?))
     }
 
-    /// Writes a setting. Returns the change in words.
-    pub(super) fn change_drive(&mut self, change: &Change) -> Result<String> {
+    /// Writes a setting. Returns the former one.
+    pub(super) fn write_setting(&mut self, change: &Change) -> Result<Change> {
         let Change { name, at, value } = change;
         let former = self.client.read(*at)?;
         let is_signed = DriveSettings::is_signed(at.index, at.subindex);
@@ -68,7 +73,7 @@ impl Driver {
             return Err(found(name.as_str(), value.to_string(), expected));
         }
         self.client.write(*at, &value.to_le_bytes()[..former.len()])?;
-        Ok(format!("{name} {} -> {value}", number_of(*at, &former)))
+        Ok(Change { name: name.clone(), at: *at, value: number_of(*at, &former) })
     }
 }
 
@@ -99,10 +104,11 @@ mod tests {
         for (name, at) in names() {
             let before = driver.drive_setting(at).expect("it is read");
             let change = parse(&name, &before.to_string()).expect("a number").expect("a setting");
-            driver.change_drive(&change).unwrap_or_else(|error| panic!("{name}: {error}"));
+            driver.write_setting(&change).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         let change = parse("drive.position_min", "-1000000").expect("a number").expect("a setting");
-        assert_eq!(driver.change_drive(&change).unwrap(), "drive.position_min 0 -> -1000000");
+        let former = driver.write_setting(&change).unwrap();
+        assert_eq!(change.in_words(&former), "drive.position_min 0 -> -1000000");
         assert_eq!(driver.drive_setting(change.at).unwrap(), -1_000_000);
         // A number beyond its object would be another one there.
         for (name, value) in [
@@ -111,7 +117,7 @@ mod tests {
             ("drive.brake_test_ms", "65536"),
         ] {
             let change = parse(name, value).expect("a number").expect("a setting");
-            let refused = driver.change_drive(&change).expect_err(value).to_string();
+            let refused = driver.write_setting(&change).err().expect(value).to_string();
             assert!(refused.contains(name) && refused.contains(value), "{refused}");
         }
     }

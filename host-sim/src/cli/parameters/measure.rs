@@ -1,4 +1,8 @@
 //! What a measurement and a friction run share: their arguments, limits, orders and reasons to end.
+//!
+//! Both are run by the driver, which keeps the limits that are written to it before (objects of
+//! [`CommissioningRunObject`]). An order starts the run, orders to continue keep it alive, and it ends by itself, by the order
+//! to stop, or without an order for 0.1 s. Then the driver states the reason.
 
 use super::{Driver, Result};
 use crate::cli::error::{Refusal, in_file, unfit};

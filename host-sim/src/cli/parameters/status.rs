@@ -9,37 +9,43 @@ use compensator_core::term::MAX_TERMS;
 use firmware::node::dictionary::records::NetworkObject;
 use firmware::node::dictionary::{FRAME_COUNTERS, index};
 use joint_bus::codes::{FIRST_FAULT, FIRST_LIMIT, code_names};
+use serde::Serialize;
 use serde_json::json;
 
 /// State of the network (object 200Bh).
+#[derive(Serialize)]
 struct NetworkStatus {
+    #[serde(rename = "outside")]
     is_outside: bool,
     outside_count: u32,
     /// Share of the network's factors that is applied, 0 to 1.
     share: f32,
-    /// Factors on Coulomb level, static level and stiffness.
-    factors: [f32; 3],
+    coulomb_factor: f32,
+    static_factor: f32,
+    stiffness_factor: f32,
 }
 
 impl NetworkStatus {
-    fn json(&self) -> serde_json::Value {
-        let [coulomb, static_level, stiffness] = self.factors;
-        json!({
-            "outside": self.is_outside, "outside_count": self.outside_count, "share": self.share,
-            "coulomb_factor": coulomb, "static_factor": static_level, "stiffness_factor": stiffness,
-        })
-    }
-
     fn in_words(&self) -> String {
+        let Self { outside_count, coulomb_factor, static_factor, stiffness_factor, .. } = self;
         let place = if self.is_outside { "OUTSIDE" } else { "inside" };
-        let [coulomb, static_level, stiffness] = self.factors;
         format!(
-            "inputs {place} the trained range ({} evaluations outside), {:.0} % applied: Coulomb x {coulomb:.3}, static x \
-             {static_level:.3}, stiffness x {stiffness:.3}",
-            self.outside_count,
+            "inputs {place} the trained range ({outside_count} evaluations outside), {:.0} % applied: Coulomb x \
+             {coulomb_factor:.3}, static x {static_factor:.3}, stiffness x {stiffness_factor:.3}",
             100.0 * self.share
         )
     }
+}
+
+/// A term of the staged model.
+#[derive(Serialize)]
+struct LiveTerm {
+    #[serde(skip)]
+    kind: TermKind,
+    name: &'static str,
+    /// True if its input is valid.
+    #[serde(rename = "live")]
+    is_live: bool,
 }
 
 impl Driver {
@@ -48,27 +54,26 @@ impl Driver {
         if self.number(index::NETWORK, NetworkObject::PRESENT)? == 0 {
             return Ok(None);
         }
-        let mut real = |place| self.number(index::NETWORK, place).map(f32::from_bits);
-        let share = real(NetworkObject::SHARE)?;
-        let factors = [
-            real(NetworkObject::COULOMB_FACTOR)?,
-            real(NetworkObject::STATIC_FACTOR)?,
-            real(NetworkObject::STIFFNESS_FACTOR)?,
-        ];
-        let is_outside = self.number(index::NETWORK, NetworkObject::OUTSIDE)? != 0;
-        let outside_count = self.number(index::NETWORK, NetworkObject::OUTSIDE_COUNT)?;
-        Ok(Some(NetworkStatus { is_outside, outside_count, share, factors }))
+        let mut word = |place| self.number(index::NETWORK, place);
+        Ok(Some(NetworkStatus {
+            is_outside: word(NetworkObject::OUTSIDE)? != 0,
+            outside_count: word(NetworkObject::OUTSIDE_COUNT)?,
+            share: f32::from_bits(word(NetworkObject::SHARE)?),
+            coulomb_factor: f32::from_bits(word(NetworkObject::COULOMB_FACTOR)?),
+            static_factor: f32::from_bits(word(NetworkObject::STATIC_FACTOR)?),
+            stiffness_factor: f32::from_bits(word(NetworkObject::STIFFNESS_FACTOR)?),
+        }))
     }
 
     /// Reads the terms of the staged model, and whether each is live.
-    fn terms(&mut self) -> Result<Vec<(TermKind, bool)>> {
+    fn terms(&mut self) -> Result<Vec<LiveTerm>> {
         let live = self.number(index::LIVE_TERMS, 0)?;
         let mut terms = Vec::new();
         // The entries of the terms follow law and choices.
         for place in 0..MAX_TERMS as u8 {
             let number = self.number(index::MODEL, 3 + place)? as u8;
             if let Some(kind) = TermKind::from_number(number) {
-                terms.push((kind, live >> number & 1 != 0));
+                terms.push(LiveTerm { kind, name: kind.name(), is_live: live >> number & 1 != 0 });
             }
         }
         Ok(terms)
@@ -76,90 +81,122 @@ impl Driver {
 
     /// Prints the status.
     pub(super) fn status(&mut self, json: bool) -> Result {
-        let mut text = |at_index| self.client.read_text(Address::new(at_index, 0));
-        let [name, hardware, software, panic] = [
-            index::DEVICE_NAME,
-            index::HARDWARE_VERSION,
-            index::SOFTWARE_VERSION,
-            index::LAST_PANIC,
-        ]
-        .map(&mut text);
-        let (name, hardware, software, panic) = (name?, hardware?, software?, panic?);
-        let state = self.state()?;
-        let faults = code_names(self.number(index::STATE, 3)?, FIRST_FAULT);
-        let limits = code_names(self.number(index::STATE, 4)?, FIRST_LIMIT);
-        let source = if self.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" };
-        let number = if self.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" };
-        let crc = self.number(index::COMMIT, 1)?;
-        let commissioned = self.number(index::COMMISSIONING, 1)? != 0;
-        let in_band = match self.number(index::WATCH, 1)? {
-            0 => Some(false),
-            1 => Some(true),
-            _ => None,
-        };
-        let out_of_band = self.number(index::WATCH, 3)?;
-        let network = self.network()?;
-        let terms = self.terms()?;
-        let refusal = self.client.read_refusal()?;
+        let status = Status::read(self)?;
+        print_result(json, &json!(status), &status.in_words())
+    }
+}
+
+/// What a driver reports of itself, as `--json` prints it.
+#[derive(Serialize)]
+struct Status {
+    name: String,
+    hardware: String,
+    software: String,
+    state: String,
+    faults: Vec<String>,
+    limits: Vec<String>,
+    /// Where the inputs come from.
+    source: &'static str,
+    /// Type of the numbers that it computes with.
+    number: &'static str,
+    parameters_crc: String,
+    #[serde(rename = "commissioned")]
+    is_commissioned: bool,
+    /// Whether the torque stays within the band of the model; `None` before the first window.
+    #[serde(rename = "model_in_band")]
+    is_in_band: Option<bool>,
+    windows_out_of_band: u32,
+    terms: Vec<LiveTerm>,
+    network: Option<NetworkStatus>,
+    /// Texts of the last panic and the last refusal; empty without one.
+    last_panic: String,
+    last_refusal: String,
+    /// Number of each kind of frame.
+    counters: serde_json::Map<String, serde_json::Value>,
+}
+
+impl Status {
+    fn read(driver: &mut Driver) -> Result<Self> {
         let mut counters = serde_json::Map::new();
         for (place, counter) in (1..).zip(FRAME_COUNTERS) {
-            counters
-                .insert((*counter).to_owned(), self.number(index::FRAME_COUNTERS, place)?.into());
+            let count = driver.number(index::FRAME_COUNTERS, place)?;
+            counters.insert((*counter).to_owned(), count.into());
         }
-        let status = json!({
-            "name": name, "hardware": hardware, "software": software, "state": state,
-            "faults": faults, "limits": limits, "source": source, "number": number,
-            "parameters_crc": format!("{crc:08x}"), "commissioned": commissioned, "model_in_band": in_band,
-            "windows_out_of_band": out_of_band, "terms": terms.iter().map(|(kind, is_live)| json!({"name": kind.name(), "live": is_live})).collect::<Vec<_>>(),
-            "network": network.as_ref().map(NetworkStatus::json), "last_panic": panic,
-            "last_refusal": refusal, "counters": counters,
-        });
+        let mut text = |at_index| driver.client.read_text(Address::new(at_index, 0));
+        Ok(Self {
+            name: text(index::DEVICE_NAME)?,
+            hardware: text(index::HARDWARE_VERSION)?,
+            software: text(index::SOFTWARE_VERSION)?,
+            last_panic: text(index::LAST_PANIC)?,
+            state: driver.state()?,
+            faults: code_names(driver.number(index::STATE, 3)?, FIRST_FAULT),
+            limits: code_names(driver.number(index::STATE, 4)?, FIRST_LIMIT),
+            source: if driver.number(index::OPERATION, 1)? == 0 { "sensors" } else { "bus" },
+            number: if driver.number(index::OPERATION, 2)? == 0 { "f32" } else { "fixed" },
+            parameters_crc: format!("{:08x}", driver.number(index::COMMIT, 1)?),
+            is_commissioned: driver.number(index::COMMISSIONING, 1)? != 0,
+            is_in_band: match driver.number(index::WATCH, 1)? {
+                0 => Some(false),
+                1 => Some(true),
+                _ => None,
+            },
+            windows_out_of_band: driver.number(index::WATCH, 3)?,
+            network: driver.network()?,
+            terms: driver.terms()?,
+            last_refusal: driver.client.read_refusal()?,
+            counters,
+        })
+    }
+
+    fn in_words(&self) -> String {
+        let Self { name, hardware, software, state, source, number, parameters_crc, .. } = self;
         let list = |codes: &[String]| {
             if codes.is_empty() { "none".to_owned() } else { codes.join(", ") }
         };
         let mut out = format!(
             "{name}, {hardware}, {software}\nstate       {state}\nfaults      {}\nlimits      {}\n\
-             inputs      from {source}, computes in {number}\nparameters  crc {crc:08x}, {}\n\
-             model       {}, {out_of_band} windows out of band\n",
-            list(&faults),
-            list(&limits),
-            if commissioned {
+             inputs      from {source}, computes in {number}\nparameters  crc {parameters_crc}, {}\n\
+             model       {}, {} windows out of band\n",
+            list(&self.faults),
+            list(&self.limits),
+            if self.is_commissioned {
                 "commissioned"
             } else {
                 "NOT commissioned: cannot be armed with its own sensors as inputs"
             },
-            match in_band {
+            match self.is_in_band {
                 None => "not evaluated yet",
                 Some(true) => "in band",
                 Some(false) => "OUT OF BAND",
             },
+            self.windows_out_of_band,
         );
-        if !terms.is_empty() {
-            out += &format!("terms       {}\n", terms_in_words(&terms));
+        if !self.terms.is_empty() {
+            out += &format!("terms       {}\n", terms_in_words(&self.terms));
         }
-        if let Some(network) = network {
+        if let Some(network) = &self.network {
             out += &format!("network     {}\n", network.in_words());
         }
-        for (label, value) in [("last panic  ", panic), ("last refusal", refusal)] {
-            if !value.is_empty() {
-                out += &format!("{label} {value}\n");
+        for (label, text) in
+            [("last panic  ", &self.last_panic), ("last refusal", &self.last_refusal)]
+        {
+            if !text.is_empty() {
+                out += &format!("{label} {text}\n");
             }
         }
-        for (name, value) in counters.iter().filter(|(_, value)| **value != 0) {
-            out += &format!("{name:<20} {value}\n");
+        for (name, count) in self.counters.iter().filter(|(_, count)| **count != 0) {
+            out += &format!("{name:<20} {count}\n");
         }
-        print_result(json, &status, &out)
+        out
     }
 }
 
 /// Returns the terms in words; a term without its input has no effect.
-fn terms_in_words(terms: &[(TermKind, bool)]) -> String {
-    let words = terms.iter().map(|(kind, is_live)| match (is_live, kind.reads()) {
-        (true, _) => format!("{} live", kind.name()),
-        (false, Some(quantity)) => {
-            format!("{} WITHOUT ITS INPUT ({})", kind.name(), quantity.info().label)
-        }
-        (false, None) => format!("{} not in use: commit the staged model", kind.name()),
+fn terms_in_words(terms: &[LiveTerm]) -> String {
+    let words = terms.iter().map(|LiveTerm { kind, name, is_live }| match kind.reads() {
+        _ if *is_live => format!("{name} live"),
+        Some(quantity) => format!("{name} WITHOUT ITS INPUT ({})", quantity.info().label),
+        None => format!("{name} not in use: commit the staged model"),
     });
     words.collect::<Vec<_>>().join(", ")
 }
@@ -185,7 +222,8 @@ mod tests {
         set.friction.model.add_term(TermKind::QuadraticDrag);
         write_set(&mut driver.client, &set).expect("it is valid");
         let terms = driver.terms().expect("it answers");
-        assert_eq!(terms, [(TermKind::PressureCoulomb, false), (TermKind::QuadraticDrag, true)]);
+        let found: Vec<_> = terms.iter().map(|term| (term.kind, term.is_live)).collect();
+        assert_eq!(found, [(TermKind::PressureCoulomb, false), (TermKind::QuadraticDrag, true)]);
         let text = terms_in_words(&terms);
         assert!(text.starts_with("pressure-coulomb WITHOUT ITS INPUT ("), "{text}");
         assert!(text.ends_with("quadratic-drag live"), "{text}");

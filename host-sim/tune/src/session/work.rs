@@ -59,6 +59,8 @@ pub(super) struct Work<'a, B> {
     pub(super) control: Option<TuneLoop>,
     /// Set with which the joint is studied; `None` for the stored one.
     study_set: Option<TunedSet>,
+    /// The best set so far; `None` if none is better than the former one.
+    best: Option<Candidate>,
     pub(super) tried: Option<TunedSet>,
     /// What the passive laws lack, as a sentence.
     pub(super) offer: Option<String>,
@@ -70,6 +72,13 @@ pub(super) struct Work<'a, B> {
     /// Position error at which a block of the trial is ended, rad.
     guard_rad: f64,
     pub(super) user: &'a mut dyn TuneUser,
+}
+
+/// A set that is better than the former one in its first block.
+struct Candidate {
+    /// Cost beside the former set, below 0.
+    cost: f64,
+    tuned: TunedSet,
 }
 
 /// Returns the time that the shortest session takes on the bus, s: baseline, survey, a candidate, and the fewest blocks.
@@ -103,6 +112,7 @@ impl<'a, B: Bus> Work<'a, B> {
             learnt: None,
             control: None,
             study_set: None,
+            best: None,
             tried: None,
             offer: None,
             trial: Vec::new(),
@@ -146,14 +156,13 @@ impl<'a, B: Bus> Work<'a, B> {
         self.courses[0] = course(&baseline, self.nm_per_a());
         self.guard_rad = (ERROR_GUARD * former.health.worst_error_rad).max(MIN_GUARD_RAD);
         self.master.set_error_guard(self.guard_rad);
-        let mut best = None;
         let designed = match self.design_loop()? {
-            Some(gains) => self.usable_gains(gains, &former, &mut best)?,
+            Some(gains) => self.usable_gains(gains, &former)?,
             None => None,
         };
         self.study()?;
-        self.screen_laws(designed.as_ref(), &former, &mut best)?;
-        Ok(best.map(|(_, chosen)| chosen))
+        self.screen_laws(designed.as_ref(), &former)?;
+        Ok(self.best.take().map(|best| best.tuned))
     }
 
     /// Tries the learnt models with the designed gains. The former gains are a fallback.
@@ -161,7 +170,6 @@ impl<'a, B: Bus> Work<'a, B> {
         &mut self,
         designed: Option<&LoopGains>,
         former: &Scored,
-        best: &mut Option<(f64, TunedSet)>,
     ) -> Result<(), SessionError> {
         let Some(learnt) = &self.learnt else { return Ok(()) };
         let has_active = has_active(self.options, &self.before);
@@ -171,14 +179,14 @@ impl<'a, B: Bus> Work<'a, B> {
         let gains_of_former = gains_of(&self.former());
         for gains in designed.into_iter().chain([&gains_of_former]) {
             for set in &sets {
-                if best.is_some() && !self.has_time_for(1.0 + LEAST_BLOCKS) {
+                if self.best.is_some() && !self.has_time_for(1.0 + LEAST_BLOCKS) {
                     return Ok(());
                 }
                 let position_gain = self.before.position_gain;
                 let tuned = with_gains(&TunedSet { set: set.clone(), position_gain }, gains);
-                self.screen(&tuned, former, best)?;
+                self.screen(&tuned, former)?;
             }
-            if best.is_some() {
+            if self.best.is_some() {
                 break;
             }
         }
@@ -197,15 +205,14 @@ impl<'a, B: Bus> Work<'a, B> {
         &mut self,
         designed: LoopGains,
         former: &Scored,
-        best: &mut Option<(f64, TunedSet)>,
     ) -> Result<Option<LoopGains>, SessionError> {
         let mut usable = None;
         self.begin_trial()?;
         for share in GAIN_SHARES {
             let gains = designed.softened(share);
             let stiffer = with_gains(&self.former(), &gains);
-            self.screen(&stiffer, former, best)?;
-            if best.is_some() {
+            self.screen(&stiffer, former)?;
+            if self.best.is_some() {
                 self.control = self
                     .slides()
                     .and_then(|recording| frequency::assess(recording, self.nm_per_a(), &gains));
@@ -214,7 +221,7 @@ impl<'a, B: Bus> Work<'a, B> {
             }
         }
         // The better loop also gives the better recordings: it sticks less, and it does not ring.
-        self.study_set = best.as_ref().map(|(_, tuned)| tuned.clone());
+        self.study_set = self.best.as_ref().map(|best| best.tuned.clone());
         self.end_trial()?;
         Ok(usable)
     }
@@ -385,12 +392,7 @@ impl<'a, B: Bus> Work<'a, B> {
 
     /// Performs a block with a set. It becomes the best one if it does not oscillate, and is better than the former set and
     /// the best one so far.
-    fn screen(
-        &mut self,
-        tuned: &TunedSet,
-        former: &Scored,
-        best: &mut Option<(f64, TunedSet)>,
-    ) -> Result<(), SessionError> {
+    fn screen(&mut self, tuned: &TunedSet, former: &Scored) -> Result<(), SessionError> {
         let name = format!(
             "model {}, scale {}, velocity gain {:.2}",
             crate::names::model_name(&tuned.set.friction.model),
@@ -416,9 +418,9 @@ impl<'a, B: Bus> Work<'a, B> {
             oscillation.as_ref().map_or_else(String::new, |why| format!("; rejected: {why}"))
         ));
         let margin = if is_active(&tuned.set) { ACTIVE_COST } else { 0.0 };
-        let is_better = cost + margin < best.as_ref().map_or(0.0, |(least, _)| *least);
+        let is_better = cost + margin < self.best.as_ref().map_or(0.0, |best| best.cost);
         if oscillation.is_none() && is_better {
-            *best = Some((cost, tuned.clone()));
+            self.best = Some(Candidate { cost, tuned: tuned.clone() });
         }
         Ok(())
     }
