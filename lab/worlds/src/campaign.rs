@@ -12,7 +12,7 @@ use super::plant::{Element, Plant, RunInput};
 use super::sensing::{Sensing, SensorKind};
 use simulated_machines::conditions::{Condition, Extra, Signal};
 use simulated_machines::friction::Seal;
-use simulated_machines::imposed::{Point, Trajectory};
+use simulated_machines::imposed::{Division, MIN_STEPS_PER_ROW, Part, Trajectory};
 use simulated_machines::sampler::Sampler;
 use simulated_machines::sampling::PlannedRun;
 use std::f64::consts::TAU;
@@ -22,8 +22,10 @@ use std::ops::Range;
 const RATE_HZ: (f64, f64) = (50.0, 2000.0);
 /// Range of the number of runs.
 const RUNS: (f64, f64) = (3.0, 40.9);
-/// Maximum integration step, s: while the contact slides, and near standstill.
-const MAX_STEP_S: (f64, f64) = (5e-4, 1e-4);
+/// Maximum integration step while the contact slides, s.
+const MAX_SLIDING_STEP_S: f64 = 5e-4;
+/// Maximum integration step near standstill, s.
+const MAX_STANDSTILL_STEP_S: f64 = 1e-4;
 
 /// A planned run, with what acts on its joint besides the operating conditions.
 #[derive(Clone, Debug)]
@@ -160,34 +162,19 @@ impl Campaign {
         self.runs.iter().map(|plan| self.trajectory(&plan.run)).collect()
     }
 
-    /// Returns the true trajectory of a run, with integration points between the rows.
+    /// Returns the true trajectory of a run from the start of its motion.
     fn trajectory(&self, run: &PlannedRun) -> Trajectory {
-        let mut trajectory = Trajectory::default();
         let slow = 2.0 * self.drive.stribeck_rad_s;
-        let mut now = run.motion.at(0.0);
-        let (mut t, mut angle) = (0.0, run.start_angle);
-        trajectory.points.push(Point { t, angle, velocity: now.velocity });
         let row_s = 1.0 / self.rate_hz;
-        for &row in &run.times {
-            while row - t > 1e-9 {
-                let next = run.motion.at((t + row_s).min(row));
-                let is_near_standstill = now.velocity.abs().min(next.velocity.abs()) < slow
-                    || now.velocity * next.velocity <= 0.0;
-                let longest =
-                    if is_near_standstill { MAX_STEP_S.1 } else { MAX_STEP_S.0 }.min(0.25 * row_s);
-                let steps = ((row - t).min(row_s) / longest).ceil();
-                let (from, step) = (t, (row - t).min(row_s) / steps);
-                for index in 1..=steps as usize {
-                    t = from + index as f64 * step;
-                    now = run.motion.at(t);
-                    angle = run.start_angle + now.angle;
-                    trajectory.points.push(Point { t, angle, velocity: now.velocity });
-                }
-            }
-            trajectory.rows.push(trajectory.points.len() - 1);
-            trajectory.accelerations.push(now.acceleration);
-        }
-        trajectory
+        let steps = |part: &Part| {
+            let (before, after) = (part.begin.velocity, part.end.velocity);
+            let is_near_standstill = before.abs().min(after.abs()) < slow || before * after <= 0.0;
+            let longest =
+                if is_near_standstill { MAX_STANDSTILL_STEP_S } else { MAX_SLIDING_STEP_S };
+            (part.seconds / longest.min(row_s / MIN_STEPS_PER_ROW)).ceil()
+        };
+        let division = Division { start_s: 0.0, longest_part_s: row_s, steps };
+        Trajectory::new(&run.motion, run.start_angle, &run.times, &division)
     }
 }
 

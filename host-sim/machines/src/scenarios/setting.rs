@@ -5,7 +5,7 @@ use super::hidden_cause::HiddenCause;
 use super::sensors::{LossLimits, PlannedSensors};
 use crate::conditions::{Condition, Extra, Signal};
 use crate::friction::Seal;
-use crate::imposed::{Bristles, Machine, Trajectory};
+use crate::imposed::{Bristles, Division, MIN_STEPS_PER_ROW, Machine, Part, Trajectory};
 use crate::joint::Joint;
 use crate::log::Log;
 use crate::sampler::Sampler;
@@ -358,10 +358,17 @@ impl Setting {
     fn path(&self, joint: &Joint, run: &PlannedRun) -> Trajectory {
         let longest_s = MAX_STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
         let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
-        Trajectory::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
+        let division = Division {
+            start_s: times.first().copied().unwrap_or_default(),
+            longest_part_s: f64::INFINITY,
+            steps: |part: &Part| {
+                (part.seconds / longest_s).ceil().max(MIN_STEPS_PER_ROW) * self.finer
+            },
+        };
+        Trajectory::new(&run.motion, run.start_angle, &times, &division)
     }
 
-    /// Returns the true torque of each row of a run, Nm. Its integration points are not kept.
+    /// Returns the true torque of each row of a run, Nm. The joint is cold at its start. Its integration points are not kept.
     pub fn torque_of_run(&self, joint: &Joint, run: &PlannedRun) -> Vec<f64> {
         torque(joint, run, &self.path(joint, run), &mut 0.0)
     }
