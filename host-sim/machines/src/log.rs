@@ -6,6 +6,18 @@
 
 use std::fmt::Write;
 
+/// Columns of the log of a driven joint, on its test stand and in the pool.
+pub const JOINT_COLUMNS: [&str; 8] = [
+    "time_s",
+    "velocity_rad_s",
+    "torque_nm",
+    "position_rad",
+    "radial_force_n",
+    "pressure_diff_pa",
+    "temperature_c",
+    "load_torque_nm",
+];
+
 /// Log of a campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {

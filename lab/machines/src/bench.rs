@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use simulated_machines::conditions::Signal;
 use simulated_machines::joint_plant::Parameters;
 use simulated_machines::joint_plant::seal::{Around, Seal};
+use simulated_machines::log::JOINT_COLUMNS;
 use simulated_machines::motion::{Motion, Speeds, Wave};
 use simulated_machines::{Log, LoggedRun};
 use std::f64::consts::TAU;
@@ -50,18 +51,6 @@ pub const KINDS: [(f64, usize, usize); 8] = [
     (100.0, 0, 1),
     (100.0, 1, 0),
     (100.0, 1, 1),
-];
-
-/// Columns of a bench log.
-pub const COLUMNS: [&str; 8] = [
-    "time_s",
-    "velocity_rad_s",
-    "torque_nm",
-    "position_rad",
-    "radial_force_n",
-    "pressure_diff_pa",
-    "temperature_c",
-    "load_torque_nm",
 ];
 
 /// From rest to a speed (rad/s) in 0.4 s, then held.
@@ -173,7 +162,7 @@ impl Bench {
         let [unloaded, factorial, learned, held_out] = groups.map(|plans| {
             let starts: Vec<f64> = slots.by_ref().take(plans.len()).collect();
             let runs = plans.par_iter().zip(starts).map(|(plan, start)| self.run(plan, start));
-            Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() }
+            Log { columns: JOINT_COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() }
         });
         Campaigns { unloaded, factorial, learned, held_out }
     }
@@ -298,7 +287,7 @@ impl Bench {
         seal.settle(&at(0.0, 0.0));
         let dt = 1.0 / RATE_HZ / STEPS_PER_ROW as f64;
         let rows = (plan.seconds * RATE_HZ) as usize;
-        let mut columns: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); COLUMNS.len()];
+        let mut columns: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); JOINT_COLUMNS.len()];
         let mut position = plan.start_rad;
         for row in 0..rows {
             let t = row as f64 / RATE_HZ;
@@ -349,7 +338,7 @@ mod tests {
         assert_eq!(measured, bench.measure(&amount));
         assert_ne!(measured, Bench { seed: 4, ..bench }.measure(&amount));
         // Each factorial run has its own water temperature; the others have that of the machine.
-        let column = COLUMNS.iter().position(|name| *name == "temperature_c").unwrap();
+        let column = JOINT_COLUMNS.iter().position(|name| *name == "temperature_c").unwrap();
         let begins = |log: &Log| {
             let mut all: Vec<f64> = log.runs.iter().map(|run| run.columns[column][0]).collect();
             all.sort_by(f64::total_cmp);
