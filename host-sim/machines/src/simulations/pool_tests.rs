@@ -101,7 +101,9 @@ impl Test {
             return Err(SimulationError::TooManyRows { most: MAX_ROWS });
         }
         let p = Parameters::default();
-        let noise_a = request.noise_nm.unwrap_or(p.current_noise_a);
+        let nominal_nm_per_a = p.motor_torque_constant_nm_per_a * p.gear_ratio;
+        let noise_a =
+            request.noise_nm.map_or(p.current_noise_a, |noise_nm| noise_nm / nominal_nm_per_a);
         let runs = (0..runs).map(|run| {
             let seed = request.seed.wrapping_mul(1000).wrapping_add(run as u64);
             let start_s = run as f64 * (seconds + PAUSE_S);
