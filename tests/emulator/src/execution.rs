@@ -28,7 +28,7 @@ pub struct HandlerRun {
     pub cost: Cost,
     /// Number of instructions.
     pub instructions: u32,
-    /// Time at which it was entered, and left, cycles.
+    /// Time at which it was entered, cycles.
     pub from: u64,
     /// Time at which it was left, cycles.
     pub until: u64,
@@ -162,8 +162,7 @@ impl<W: World> Context<W> {
     fn charge(&mut self, cost: Cost) {
         self.chip.now += u64::from(cost.upper);
         if let Some(run) = self.runs.last_mut() {
-            run.cost.lower = run.cost.lower.saturating_add(cost.lower);
-            run.cost.upper = run.cost.upper.saturating_add(cost.upper);
+            run.cost.add(cost);
         }
     }
 
@@ -189,8 +188,7 @@ impl<W: World> Context<W> {
         let block = &self.blocks[place];
         let mut cost = block.cost;
         if address != self.sequence {
-            cost.lower += cycles::REFILL.lower;
-            cost.upper += cycles::REFILL.upper;
+            cost.add(cycles::REFILL);
         }
         self.sequence = address + block.bytes;
         if (FLASH.0..FLASH.0 + FLASH.1).contains(&address) {
@@ -208,8 +206,7 @@ impl<W: World> Context<W> {
         self.chip.now += u64::from(cost.upper);
         let instructions = block.instructions;
         if let Some(run) = self.runs.last_mut() {
-            run.cost.lower = run.cost.lower.saturating_add(cost.lower);
-            run.cost.upper = run.cost.upper.saturating_add(cost.upper);
+            run.cost.add(cost);
             run.instructions = run.instructions.saturating_add(instructions);
             if self.profiled == Some(run.exception) {
                 self.blocks_of_run.push((place, cost));
