@@ -1,7 +1,7 @@
 //! State of the execution, and what Unicorn calls: registers, blocks, faults.
 
 use crate::calls::{Call, CallCounter};
-use crate::chip::dma::Memory;
+use crate::chip::dma::{Memory, NoMemory};
 use crate::chip::{Chip, REGISTER_REGIONS};
 use crate::cycles::{self, Block, Cost};
 use crate::nvic::NMI;
@@ -76,14 +76,14 @@ pub(crate) struct Context<W> {
 pub(crate) struct CoreMemory<'a, W: 'static>(pub Unicorn<'a, Context<W>>);
 
 impl<W> Memory for CoreMemory<'_, W> {
-    fn read_half(&mut self, address: u32) -> u16 {
+    fn read_half(&mut self, address: u32) -> Result<u16, NoMemory> {
         let mut bytes = [0; 2];
-        let _ = self.0.mem_read(address.into(), &mut bytes);
-        u16::from_le_bytes(bytes)
+        self.0.mem_read(address.into(), &mut bytes).map_err(|_| NoMemory)?;
+        Ok(u16::from_le_bytes(bytes))
     }
 
-    fn write_half(&mut self, address: u32, value: u16) {
-        let _ = self.0.mem_write(address.into(), &value.to_le_bytes());
+    fn write_half(&mut self, address: u32, value: u16) -> Result<(), NoMemory> {
+        self.0.mem_write(address.into(), &value.to_le_bytes()).map_err(|_| NoMemory)
     }
 }
 
