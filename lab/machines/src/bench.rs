@@ -35,22 +35,41 @@ const PAUSE_S: f64 = 60.0;
 const FORCE_N: [(f64, f64); 2] = [(25.0, 35.0), (45.0, 55.0)];
 const PRESSURE_PA: [(f64, f64); 2] = [(0.0, 0.05e6), (0.25e6, 0.30e6)];
 
+/// Index of a low or a high range.
+const LOW: usize = 0;
+const HIGH: usize = 1;
+
 /// Torque of the stand's brake, Nm.
 pub const BRAKE_NM: f64 = 6.0;
 
-/// The eight kinds: speed in rpm, index of the side load, index of the pressure (1 is high).
+/// A kind of run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunKind {
+    /// Speed, rpm.
+    pub rpm: f64,
+    force: usize,
+    pressure: usize,
+}
+
+impl RunKind {
+    const fn new(rpm: f64, force: usize, pressure: usize) -> Self {
+        Self { rpm, force, pressure }
+    }
+}
+
+/// The eight kinds: speed, range of the side load, range of the pressure.
 ///
 /// The paper does not show which rows had high pressure. This is one possible choice of eight of the twelve combinations
 /// with its speeds and loads.
-pub const KINDS: [(f64, usize, usize); 8] = [
-    (35.0, 0, 0),
-    (35.0, 1, 0),
-    (35.0, 1, 1),
-    (70.0, 0, 0),
-    (70.0, 0, 1),
-    (100.0, 0, 1),
-    (100.0, 1, 0),
-    (100.0, 1, 1),
+pub const KINDS: [RunKind; 8] = [
+    RunKind::new(35.0, LOW, LOW),
+    RunKind::new(35.0, HIGH, LOW),
+    RunKind::new(35.0, HIGH, HIGH),
+    RunKind::new(70.0, LOW, LOW),
+    RunKind::new(70.0, LOW, HIGH),
+    RunKind::new(100.0, LOW, HIGH),
+    RunKind::new(100.0, HIGH, LOW),
+    RunKind::new(100.0, HIGH, HIGH),
 ];
 
 /// From rest to a speed (rad/s) in 0.4 s, then held.
@@ -198,7 +217,7 @@ impl Bench {
     fn kinds(&self, first: usize, repeats: usize) -> Vec<Plan> {
         let each = |kind: usize| (first..first + repeats).map(move |repeat| (kind, repeat));
         let plan = |(kind, repeat): (usize, usize)| {
-            let (rpm, force, pressure) = KINDS[kind];
+            let RunKind { rpm, force, pressure } = KINDS[kind];
             let index = (kind * 1000 + repeat) as u64;
             let mut random = Pcg64::seed_from_u64(self.seed ^ (0x22_0000 + index));
             let mut between = |(least, most): (f64, f64)| random.random_range(least..most);
