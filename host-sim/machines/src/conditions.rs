@@ -1,7 +1,7 @@
 //! Operating conditions of a joint during a run: side load, pressure, temperature, load torque, and others.
 //!
 //! Each quantity has a level, a slow ramp and a slow oscillation. The quantities are drawn independently.
-//! Scenarios with correlated columns change them afterwards (`arrange`).
+//! Scenarios with correlated columns change them afterwards ([`crate::scenarios::ColumnRelation`]).
 
 use std::f64::consts::TAU;
 

@@ -12,7 +12,7 @@
 
 use crate::conditions::{Condition, Conditions};
 use crate::joint::Joint;
-use crate::motion::Motion;
+use crate::motion::{self, Motion};
 
 /// An integration point of a run.
 #[derive(Clone, Copy, Debug)]
@@ -36,38 +36,64 @@ pub struct Trajectory {
     pub accelerations: Vec<f64>,
 }
 
-/// Minimum number of steps between two rows.
-const MIN_STEPS_PER_ROW: f64 = 4.0;
+/// Minimum number of steps in a row period.
+pub const MIN_STEPS_PER_ROW: f64 = 4.0;
+
+/// Time below which two rows share a point, s. It is far above the rounding of a time.
+const SAME_TIME_S: f64 = 1e-9;
+
+/// A part of a motion that is divided into steps of one length.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// Motion at the start.
+    pub begin: motion::Instant,
+    /// Motion at the end.
+    pub end: motion::Instant,
+    /// Duration, s.
+    pub seconds: f64,
+}
+
+/// Division of a motion into integration steps.
+#[derive(Clone, Copy, Debug)]
+pub struct Division<F> {
+    /// Time of the first point, s from the start of the motion.
+    pub start_s: f64,
+    /// Longest part that is divided at once, s. Parts also end at the rows.
+    pub longest_part_s: f64,
+    /// Returns the number of steps of a part, a positive integer.
+    pub steps: F,
+}
 
 impl Trajectory {
-    /// Creates the points for rows at `times`.
-    ///
-    /// Steps are at most `longest_s` long, and each is divided into `finer` parts.
+    /// Creates the points of a motion up to its last row. `times` are those of the rows, s from the start of the motion.
     pub fn new(
         motion: &Motion,
         start_angle: f64,
         times: &[f64],
-        longest_s: f64,
-        finer: f64,
+        division: &Division<impl Fn(&Part) -> f64>,
     ) -> Self {
-        let mut path = Self::default();
-        let mut before: Option<f64> = None;
+        let Division { start_s, longest_part_s, steps } = division;
+        let (mut t, mut now) = (*start_s, motion.at(*start_s));
+        let point = |t, now: &motion::Instant| Point {
+            t,
+            angle: start_angle + now.angle,
+            velocity: now.velocity,
+        };
+        let mut path = Self { points: vec![point(t, &now)], ..Self::default() };
         for &row in times {
-            let from = before.unwrap_or(row);
-            let steps = ((row - from) / longest_s).ceil().max(MIN_STEPS_PER_ROW) * finer;
-            let first = if before.is_some() { 1 } else { steps as usize };
-            for step in first..=steps as usize {
-                let last = step == steps as usize;
-                let t = if last { row } else { from + (row - from) * step as f64 / steps };
-                let at = motion.at(t);
-                let angle = start_angle + at.angle;
-                path.points.push(Point { t, angle, velocity: at.velocity });
-                if last {
-                    path.rows.push(path.points.len() - 1);
-                    path.accelerations.push(at.acceleration);
+            while row - t > SAME_TIME_S {
+                let (from, seconds) = (t, (row - t).min(*longest_part_s));
+                let end = motion.at((from + longest_part_s).min(row));
+                let count = steps(&Part { begin: now, end, seconds });
+                let step_s = seconds / count;
+                for index in 1..=count as usize {
+                    t = from + index as f64 * step_s;
+                    now = motion.at(t);
+                    path.points.push(point(t, &now));
                 }
             }
-            before = Some(row);
+            path.rows.push(path.points.len() - 1);
+            path.accelerations.push(now.acceleration);
         }
         path
     }
@@ -397,6 +423,12 @@ mod tests {
         (0..1500).map(|row| f64::from(row) * 1e-3).collect()
     }
 
+    fn path(motion: &Motion) -> Trajectory {
+        let steps = |part: &Part| (part.seconds / 1e-4).ceil();
+        let division = Division { start_s: 0.0, longest_part_s: f64::INFINITY, steps };
+        Trajectory::new(motion, 0.0, &times(), &division)
+    }
+
     fn motions() -> [Motion; 3] {
         let mut speeds = Speeds::from_rest(false);
         speeds.hold(0.2);
@@ -423,7 +455,7 @@ mod tests {
                 force_rate: force.rate(t),
                 pressure: pressure.at(t),
             };
-            let path = Trajectory::new(&motion, 0.0, &times(), 1e-4, 1.0);
+            let path = path(&motion);
             let found = torque(&Joint::plain(SEAL), &condition, &path, 1e-4);
             let mut z = 1e-4;
             for (row, (t, found)) in times().into_iter().zip(found).enumerate() {
@@ -442,7 +474,7 @@ mod tests {
     #[test]
     fn torque_at_rest_is_constant() {
         let motion = Motion::Speeds(Speeds::from_rest(true));
-        let path = Trajectory::new(&motion, 1.0, &times(), 1e-4, 1.0);
+        let path = path(&motion);
         let seal = Seal { per_force: 0.0, per_pressure: 0.0, eta3: 0.0, ..SEAL };
         let found = torque(&Joint::plain(seal), &Condition::default(), &path, 2e-4);
         assert!(found.iter().all(|torque| *torque == seal.k0 * 2e-4));
@@ -455,7 +487,7 @@ mod tests {
         speeds.ramp(-0.2, 0.4);
         speeds.hold(1.0);
         let motion = Motion::Speeds(speeds);
-        let path = Trajectory::new(&motion, 0.0, &times(), 1e-4, 1.0);
+        let path = path(&motion);
         let seal = Seal { per_force: 0.0, per_pressure: 0.0, eta3: 0.0, k1: 0.0, k2: 0.0, ..SEAL };
         let mut joint = Joint::plain(seal);
         let play = crate::joint::Play { travel_rad: 2e-3, leak: 0.0 };

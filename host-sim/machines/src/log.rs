@@ -6,6 +6,18 @@
 
 use std::fmt::Write;
 
+/// Columns of the log of a driven joint, on its test stand and in the pool.
+pub const JOINT_COLUMNS: [&str; 8] = [
+    "time_s",
+    "velocity_rad_s",
+    "torque_nm",
+    "position_rad",
+    "radial_force_n",
+    "pressure_diff_pa",
+    "temperature_c",
+    "load_torque_nm",
+];
+
 /// Log of a campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
@@ -71,10 +83,13 @@ impl Log {
     }
 }
 
-/// Rounds to nine significant digits. A value that is no number becomes 0.
+/// Rounds to nine significant digits. Zero has no sign, and a value that is not finite stays.
 fn significant(value: f64) -> f64 {
-    if value == 0.0 || !value.is_finite() {
+    if value == 0.0 {
         return 0.0;
+    }
+    if !value.is_finite() {
+        return value;
     }
     let scale = 10f64.powi(8 - value.abs().log10().floor() as i32);
     (value * scale).round() / scale
@@ -83,4 +98,18 @@ fn significant(value: f64) -> f64 {
 /// Rounds to microseconds.
 fn microseconds(time_s: f64) -> f64 {
     (time_s * 1e6).round() / 1e6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounded_of_a_value_that_is_no_number_keeps_it() {
+        let columns = ["time_s", "torque_nm"].map(str::to_owned).to_vec();
+        let values = vec![vec![0.0, 1e-3], vec![f64::NAN, 1.234_567_890_1]];
+        let runs = vec![LoggedRun { name: "0".to_owned(), columns: values }];
+        let log = Log { columns, runs }.rounded();
+        assert_eq!(log.csv(), "run,time_s,torque_nm\n0,0,NaN\n0,0.001,1.23456789\n");
+    }
 }

@@ -22,7 +22,7 @@ mod sensors;
 pub mod setting;
 mod truth;
 
-pub use draw::{ColumnRelation, Plan};
+pub use draw::{ColumnRelation, Plan, draw_planned};
 pub use hidden_cause::HiddenCause;
 pub use hide::{Hide, HideError};
 pub use setting::Options;
@@ -54,14 +54,4 @@ pub fn draw_with(hide: &[Hide], seed: u64, options: &Options) -> Scenario {
         hide.iter().filter_map(|hide| Some((hide.effect?, hide.size))).unzip();
     let plan = |_: &mut Sampler| Plan { effects: effects.clone(), relation: None };
     draw_planned(&plan, &sizes, seed, options)
-}
-
-/// Draws a scenario of a plan, which may be drawn itself. `sizes` are those of its effects, in their order.
-pub fn draw_planned(
-    plan: &dyn Fn(&mut Sampler) -> Plan,
-    sizes: &[Option<f64>],
-    seed: u64,
-    options: &Options,
-) -> Scenario {
-    draw::draw(plan, sizes, seed, options)
 }

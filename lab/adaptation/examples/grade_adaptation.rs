@@ -8,6 +8,8 @@ use drifting_joints::lies::{LieGrade, PreparedJoint, grade_lie};
 use drifting_joints::summary;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Arguments.
 #[derive(Parser)]
@@ -19,13 +21,13 @@ struct Arguments {
     #[arg(long)]
     quick: bool,
     /// Joints per drift; 0 leaves its tables
-    #[arg(long, default_value_t = 24)]
+    #[arg(long, default_value_t = DRIFTING.usual)]
     drifting: u64,
     /// Joints that do not change, over two hours; 0 leaves its tables
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = STEADY.usual)]
     steady: u64,
     /// Courses that lie; 0 leaves its tables
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = LIES.usual)]
     lies: u64,
     /// Folder of the summaries
     #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/graded"))]
@@ -35,45 +37,85 @@ struct Arguments {
     courses: PathBuf,
 }
 
+/// A part of the tables, and the option that sets its number of joints or courses.
+struct Part {
+    /// End of the names of its tables.
+    name: &'static str,
+    option: &'static str,
+    usual: u64,
+    /// Most with `--quick`.
+    quick: u64,
+}
+
+const DRIFTING: Part = Part { name: "drifts", option: "--drifting", usual: 24, quick: 6 };
+const STEADY: Part = Part { name: "steady", option: "--steady", usual: 20, quick: 6 };
+const LIES: Part = Part { name: "lies", option: "--lies", usual: 1000, quick: 100 };
+
+impl Part {
+    /// Returns the number of joints or courses of a given number.
+    fn count(&self, arguments: &Arguments, given: u64) -> u64 {
+        if arguments.quick { given.min(self.quick) } else { given }
+    }
+
+    /// Returns the options that give the numbers of this part again.
+    fn options(&self, arguments: &Arguments, given: u64) -> String {
+        let mut options = format!("--seed {}", arguments.seed);
+        if arguments.quick {
+            options += " --quick";
+        }
+        if given != self.usual {
+            options += &format!(" {} {given}", self.option);
+        }
+        options
+    }
+}
+
 /// Courses per joint of those that lie.
 const COURSES_PER_JOINT: u64 = 25;
 
+/// Number of joints and courses that could not be graded.
+static FAILURES: AtomicU64 = AtomicU64::new(0);
+
+/// Returns a grade. A failure is counted, and its reason goes to the standard error.
 fn found<T>(what: &str, graded: Result<T, GradeError>) -> Option<T> {
-    graded.inspect_err(|why| eprintln!("{what}: {why}")).ok()
+    let count = |why: &GradeError| {
+        eprintln!("{what}: {why}");
+        FAILURES.fetch_add(1, Ordering::Relaxed);
+    };
+    graded.inspect_err(count).ok()
 }
 
-fn drifts(arguments: &Arguments) -> Vec<MomentGrade> {
-    let cases: Vec<(u64, Drift)> = (0..arguments.drifting)
-        .flat_map(|at| Drift::ALL.map(|drift| (arguments.seed + at, drift)))
-        .collect();
+fn drifts(arguments: &Arguments, joints: u64) -> Vec<MomentGrade> {
+    let cases: Vec<(u64, Drift)> =
+        (0..joints).flat_map(|at| Drift::ALL.map(|drift| (arguments.seed + at, drift))).collect();
     let grade = |(seed, drift): &(u64, Drift)| {
         found(&format!("seed {seed} {drift:?}"), grade_drift(*seed, *drift))
     };
     cases.par_iter().filter_map(grade).flatten().collect()
 }
 
-fn steady(arguments: &Arguments) -> Vec<SteadyGrade> {
+fn steady(arguments: &Arguments, joints: u64) -> Vec<SteadyGrade> {
     let parts = if arguments.quick { 3 } else { 12 };
-    let grade =
-        |at: u64| found(&format!("seed {at}"), grade_steady(arguments.seed + 1000 + at, parts));
-    (0..arguments.steady).into_par_iter().filter_map(grade).collect()
+    let grade = |at: u64| {
+        let seed = arguments.seed + 1000 + at;
+        found(&format!("seed {seed}"), grade_steady(seed, parts))
+    };
+    (0..joints).into_par_iter().filter_map(grade).collect()
 }
 
-fn lies(arguments: &Arguments) -> Vec<LieGrade> {
-    let joints: Vec<PreparedJoint> = (0..arguments.lies.div_ceil(COURSES_PER_JOINT))
-        .into_par_iter()
-        .filter_map(|at| {
-            found(&format!("seed {at}"), PreparedJoint::draw(arguments.seed + 2000 + at))
-        })
-        .collect();
-    let grade = |course: u64| {
-        let joint = joints.get(course as usize % joints.len().max(1))?;
-        found(
-            &format!("course {course}"),
-            grade_lie(joint, arguments.seed.wrapping_mul(1600) + course),
-        )
+fn lies(arguments: &Arguments, courses: u64) -> Vec<LieGrade> {
+    let draw = |at: u64| {
+        let seed = arguments.seed + 2000 + at;
+        found(&format!("seed {seed}"), PreparedJoint::draw(seed))
     };
-    (0..arguments.lies).into_par_iter().filter_map(grade).collect()
+    let joints: Vec<Option<PreparedJoint>> =
+        (0..courses.div_ceil(COURSES_PER_JOINT)).into_par_iter().map(draw).collect();
+    let grade = |course: u64| {
+        let joint = joints[course as usize % joints.len()].as_ref()?;
+        let seed = arguments.seed.wrapping_mul(1600) + course;
+        found(&format!("course {course}"), grade_lie(joint, seed))
+    };
+    (0..courses).into_par_iter().filter_map(grade).collect()
 }
 
 fn drift_table(grades: &[MomentGrade]) -> String {
@@ -123,44 +165,56 @@ fn lie_table(grades: &[LieGrade]) -> String {
     text
 }
 
-fn main() {
-    let mut arguments = Arguments::parse();
-    if arguments.quick {
-        arguments.drifting = arguments.drifting.min(6);
-        arguments.steady = arguments.steady.min(6);
-        arguments.lies = arguments.lies.min(100);
-    }
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
     // A part without courses leaves its tables as they are.
-    if arguments.drifting > 0 {
-        let grades = drifts(&arguments);
+    let given = arguments.drifting;
+    if given > 0 {
+        let grades = drifts(&arguments, DRIFTING.count(&arguments, given));
         let rows = summary::drift_rows(&grades);
-        write_part(&arguments, "drifts", &drift_table(&grades), &rows);
+        write_part(&arguments, &DRIFTING, given, &drift_table(&grades), &rows);
     }
-    if arguments.steady > 0 {
-        let grades = steady(&arguments);
+    let given = arguments.steady;
+    if given > 0 {
+        let grades = steady(&arguments, STEADY.count(&arguments, given));
         let rows = summary::steady_rows(&grades);
-        write_part(&arguments, "steady", &steady_table(&grades), &rows);
+        write_part(&arguments, &STEADY, given, &steady_table(&grades), &rows);
     }
-    if arguments.lies > 0 {
-        let grades = lies(&arguments);
+    let given = arguments.lies;
+    if given > 0 {
+        let grades = lies(&arguments, LIES.count(&arguments, given));
         let rows = summary::lie_rows(&grades);
-        write_part(&arguments, "lies", &lie_table(&grades), &rows);
+        write_part(&arguments, &LIES, given, &lie_table(&grades), &rows);
+    }
+    match FAILURES.load(Ordering::Relaxed) {
+        0 => ExitCode::SUCCESS,
+        failures => {
+            eprintln!("{failures} joints or courses could not be graded: the tables lack them");
+            ExitCode::FAILURE
+        }
     }
 }
 
-/// Writes the courses of a part and its summary, and prints the summary.
-fn write_part(arguments: &Arguments, part: &str, courses: &str, rows: &[summary::Row]) {
+/// Writes the courses of a part and its summary, and prints the summary. `given` is the value of the part's option.
+fn write_part(
+    arguments: &Arguments,
+    part: &Part,
+    given: u64,
+    courses: &str,
+    rows: &[summary::Row],
+) {
     let mut summary = format!(
-        "Simulated: seed {0}, by `cargo run --release -p drifting-joints --example grade_adaptation -- --seed {0}`.\n\n\
+        "Simulated: seed {}, by `cargo run --release -p drifting-joints --example grade_adaptation -- {}`.\n\n\
          what\tcourses\tfigure\tgoal\n",
-        arguments.seed
+        arguments.seed,
+        part.options(arguments, given)
     );
     for row in rows {
         summary += &(row.join("\t") + "\n");
     }
     print!("{summary}");
-    write(&arguments.courses, &format!("adaptation-{part}-courses.tsv"), courses);
-    write(&arguments.out, &format!("adaptation-{part}.tsv"), &summary);
+    write(&arguments.courses, &format!("adaptation-{}-courses.tsv", part.name), courses);
+    write(&arguments.out, &format!("adaptation-{}.tsv", part.name), &summary);
 }
 
 fn write(folder: &Path, name: &str, text: &str) {

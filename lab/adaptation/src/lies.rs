@@ -19,85 +19,59 @@ const KNOWN_PRESSURE_SHARE: f64 = 0.88;
 /// Time after the first arm has stopped in which the others may stop too, s.
 const GRACE_S: f64 = 1.0;
 
-/// What is other than assumed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lie {
-    /// The encoder repeats a reading.
-    EncoderStuck,
-    /// The encoder has 20 times the noise.
-    EncoderNoisy,
-    /// The encoder jumps now and then.
-    EncoderJumps,
-    /// The encoder shows NaN.
-    EncoderNan,
-    /// The current repeats a reading.
-    CurrentStuck,
-    /// The current has 20 times the noise.
-    CurrentNoisy,
-    /// The current has a wrong gain and offset.
-    CurrentWrong,
-    /// The current shows NaN.
-    CurrentNan,
-    /// The pressure repeats a reading.
-    PressureStuck,
-    /// The pressure jumps.
-    PressureJumps,
-    /// The pressure shows NaN.
-    PressureNan,
-    /// A coupling becomes loose.
-    Slack,
-    /// The output meets a spring.
-    Contact,
-    /// A constant load appears or falls.
-    Payload,
-    /// Gravity acts.
-    Gravity,
-    /// The joint turns in one direction only.
-    OneSided,
+macro_rules! lies {
+    ($($(#[$about:meta])* $lie:ident = $name:literal;)*) => {
+        /// What is other than assumed.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Lie {
+            $($(#[$about])* $lie,)*
+        }
+
+        impl Lie {
+            /// Every lie.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$lie),*];
+
+            /// Returns the name in tables.
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$lie => $name,)* }
+            }
+        }
+    };
 }
 
-impl Lie {
-    /// Every lie.
-    pub const ALL: [Self; 16] = [
-        Self::EncoderStuck,
-        Self::EncoderNoisy,
-        Self::EncoderJumps,
-        Self::EncoderNan,
-        Self::CurrentStuck,
-        Self::CurrentNoisy,
-        Self::CurrentWrong,
-        Self::CurrentNan,
-        Self::PressureStuck,
-        Self::PressureJumps,
-        Self::PressureNan,
-        Self::Slack,
-        Self::Contact,
-        Self::Payload,
-        Self::Gravity,
-        Self::OneSided,
-    ];
-
-    /// Returns the name in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::EncoderStuck => "encoder stuck",
-            Self::EncoderNoisy => "encoder noisy",
-            Self::EncoderJumps => "encoder jumps",
-            Self::EncoderNan => "encoder NaN",
-            Self::CurrentStuck => "current stuck",
-            Self::CurrentNoisy => "current noisy",
-            Self::CurrentWrong => "current wrong",
-            Self::CurrentNan => "current NaN",
-            Self::PressureStuck => "pressure stuck",
-            Self::PressureJumps => "pressure jumps",
-            Self::PressureNan => "pressure NaN",
-            Self::Slack => "slack",
-            Self::Contact => "contact",
-            Self::Payload => "payload",
-            Self::Gravity => "gravity",
-            Self::OneSided => "one-sided",
-        }
-    }
+lies! {
+    /// The encoder repeats a reading.
+    EncoderStuck = "encoder stuck";
+    /// The encoder has 20 times the noise.
+    EncoderNoisy = "encoder noisy";
+    /// The encoder jumps now and then.
+    EncoderJumps = "encoder jumps";
+    /// The encoder shows NaN.
+    EncoderNan = "encoder NaN";
+    /// The current repeats a reading.
+    CurrentStuck = "current stuck";
+    /// The current has 20 times the noise.
+    CurrentNoisy = "current noisy";
+    /// The current has a wrong gain and offset.
+    CurrentWrong = "current wrong";
+    /// The current shows NaN.
+    CurrentNan = "current NaN";
+    /// The pressure repeats a reading.
+    PressureStuck = "pressure stuck";
+    /// The pressure jumps.
+    PressureJumps = "pressure jumps";
+    /// The pressure shows NaN.
+    PressureNan = "pressure NaN";
+    /// A coupling becomes loose.
+    Slack = "slack";
+    /// The output meets a spring.
+    Contact = "contact";
+    /// A constant load appears or falls.
+    Payload = "payload";
+    /// Gravity acts.
+    Gravity = "gravity";
+    /// The joint turns in one direction only.
+    OneSided = "one-sided";
 }
 
 /// A joint with its set, for many courses.

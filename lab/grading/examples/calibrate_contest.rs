@@ -102,16 +102,21 @@ fn run(arguments: &Arguments) -> Result<(), GradingError> {
         return Ok(());
     }
     if !fresh.is_empty() {
-        let path = Path::new(contest_figures::PATH);
-        let before = std::fs::read_to_string(path).map_err(GradingError::io(path))?;
-        let before = contest_figures::parse(&before)
-            .map_err(|error| error.of(path.display().to_string()))?;
-        let text = contest_figures::emit(&table, &before);
-        std::fs::write(path, text).map_err(GradingError::io(path))?;
+        write_figures(&table)?;
     }
     let path =
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../host-sim/diagnose/contest_calibration.toml");
     let text = calibration_tables::of_contest(&calibration);
+    std::fs::write(path, text).map_err(GradingError::io(path))
+}
+
+/// Replaces these rows of the table of figures, and keeps the others.
+fn write_figures(table: &[FigureRow]) -> Result<(), GradingError> {
+    let path = Path::new(contest_figures::PATH);
+    let before = std::fs::read_to_string(path).map_err(GradingError::io(path))?;
+    let before =
+        contest_figures::parse(&before).map_err(|error| error.of(path.display().to_string()))?;
+    let text = contest_figures::emit(table, &before);
     std::fs::write(path, text).map_err(GradingError::io(path))
 }
 

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use simulated_machines::conditions::Signal;
 use simulated_machines::joint_plant::Parameters;
 use simulated_machines::joint_plant::seal::{Around, Seal};
+use simulated_machines::log::JOINT_COLUMNS;
 use simulated_machines::motion::{Motion, Speeds, Wave};
 use simulated_machines::{Log, LoggedRun};
 use std::f64::consts::TAU;
@@ -34,34 +35,41 @@ const PAUSE_S: f64 = 60.0;
 const FORCE_N: [(f64, f64); 2] = [(25.0, 35.0), (45.0, 55.0)];
 const PRESSURE_PA: [(f64, f64); 2] = [(0.0, 0.05e6), (0.25e6, 0.30e6)];
 
+/// Index of a low or a high range.
+const LOW: usize = 0;
+const HIGH: usize = 1;
+
 /// Torque of the stand's brake, Nm.
 pub const BRAKE_NM: f64 = 6.0;
 
-/// The eight kinds: speed in rpm, index of the side load, index of the pressure (1 is high).
+/// A kind of run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunKind {
+    /// Speed, rpm.
+    pub rpm: f64,
+    force: usize,
+    pressure: usize,
+}
+
+impl RunKind {
+    const fn new(rpm: f64, force: usize, pressure: usize) -> Self {
+        Self { rpm, force, pressure }
+    }
+}
+
+/// The eight kinds: speed, range of the side load, range of the pressure.
 ///
 /// The paper does not show which rows had high pressure. This is one possible choice of eight of the twelve combinations
 /// with its speeds and loads.
-pub const KINDS: [(f64, usize, usize); 8] = [
-    (35.0, 0, 0),
-    (35.0, 1, 0),
-    (35.0, 1, 1),
-    (70.0, 0, 0),
-    (70.0, 0, 1),
-    (100.0, 0, 1),
-    (100.0, 1, 0),
-    (100.0, 1, 1),
-];
-
-/// Columns of a bench log.
-pub const COLUMNS: [&str; 8] = [
-    "time_s",
-    "velocity_rad_s",
-    "torque_nm",
-    "position_rad",
-    "radial_force_n",
-    "pressure_diff_pa",
-    "temperature_c",
-    "load_torque_nm",
+pub const KINDS: [RunKind; 8] = [
+    RunKind::new(35.0, LOW, LOW),
+    RunKind::new(35.0, HIGH, LOW),
+    RunKind::new(35.0, HIGH, HIGH),
+    RunKind::new(70.0, LOW, LOW),
+    RunKind::new(70.0, LOW, HIGH),
+    RunKind::new(100.0, LOW, HIGH),
+    RunKind::new(100.0, HIGH, LOW),
+    RunKind::new(100.0, HIGH, HIGH),
 ];
 
 /// From rest to a speed (rad/s) in 0.4 s, then held.
@@ -173,7 +181,7 @@ impl Bench {
         let [unloaded, factorial, learned, held_out] = groups.map(|plans| {
             let starts: Vec<f64> = slots.by_ref().take(plans.len()).collect();
             let runs = plans.par_iter().zip(starts).map(|(plan, start)| self.run(plan, start));
-            Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() }
+            Log { columns: JOINT_COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() }
         });
         Campaigns { unloaded, factorial, learned, held_out }
     }
@@ -209,7 +217,7 @@ impl Bench {
     fn kinds(&self, first: usize, repeats: usize) -> Vec<Plan> {
         let each = |kind: usize| (first..first + repeats).map(move |repeat| (kind, repeat));
         let plan = |(kind, repeat): (usize, usize)| {
-            let (rpm, force, pressure) = KINDS[kind];
+            let RunKind { rpm, force, pressure } = KINDS[kind];
             let index = (kind * 1000 + repeat) as u64;
             let mut random = Pcg64::seed_from_u64(self.seed ^ (0x22_0000 + index));
             let mut between = |(least, most): (f64, f64)| random.random_range(least..most);
@@ -298,7 +306,7 @@ impl Bench {
         seal.settle(&at(0.0, 0.0));
         let dt = 1.0 / RATE_HZ / STEPS_PER_ROW as f64;
         let rows = (plan.seconds * RATE_HZ) as usize;
-        let mut columns: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); COLUMNS.len()];
+        let mut columns: Vec<Vec<f64>> = vec![Vec::with_capacity(rows); JOINT_COLUMNS.len()];
         let mut position = plan.start_rad;
         for row in 0..rows {
             let t = row as f64 / RATE_HZ;
@@ -349,7 +357,7 @@ mod tests {
         assert_eq!(measured, bench.measure(&amount));
         assert_ne!(measured, Bench { seed: 4, ..bench }.measure(&amount));
         // Each factorial run has its own water temperature; the others have that of the machine.
-        let column = COLUMNS.iter().position(|name| *name == "temperature_c").unwrap();
+        let column = JOINT_COLUMNS.iter().position(|name| *name == "temperature_c").unwrap();
         let begins = |log: &Log| {
             let mut all: Vec<f64> = log.runs.iter().map(|run| run.columns[column][0]).collect();
             all.sort_by(f64::total_cmp);

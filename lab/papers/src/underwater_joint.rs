@@ -28,6 +28,7 @@ use super::{Paper, PaperError, PaperOutcome, PaperRequest};
 use arms::DriverArm;
 use campaign::BenchRuns;
 use friction_diagnose::Diagnosis;
+use joint_log::Dataset;
 use measures::Spread;
 use paper_machines::bench::{Amount, Bench};
 use simulated_machines::joint_plant::Parameters;
@@ -142,28 +143,16 @@ fn run_study(request: &PaperRequest) -> Result<JointStudy, PaperError> {
     (request.progress)("fits and diagnosis");
     let (arms, diagnosis) = arms::arms(&campaign)?;
     (request.progress)("estimation errors");
-    let fitted = || arms.iter().filter_map(|arm| Some((arm, arm.fit.as_ref()?)));
-    let errors = fitted()
-        .map(|(arm, fit)| (arm.name, estimation::errors(fit, &campaign.held_out)))
-        .collect();
-    let shown = fitted().filter(|(arm, _)| [arms::PUBLISHED, arms::DIAGNOSED].contains(&arm.name));
-    let tracks = friction_fit::tracks(&campaign.held_out);
+    let fitted = || arms.iter().filter_map(|arm| Some((arm.name, arm.fit.as_ref()?)));
+    let held_out = &campaign.held_out;
+    let errors = fitted().map(|(name, fit)| (name, estimation::errors(fit, held_out))).collect();
+    let shown = fitted().filter(|(name, _)| [arms::PUBLISHED, arms::DIAGNOSED].contains(name));
+    let tracks = friction_fit::tracks(held_out);
     let curves = shown
-        .map(|(arm, fit)| {
-            (arm.name, estimation::curves(fit, &campaign.held_out, &tracks, |_| true))
-        })
+        .map(|(name, fit)| (name, estimation::curves(fit, held_out, &tracks, |_| true)))
         .collect();
     (request.progress)("stochastic extension");
-    let certified: Vec<&DriverArm> = arms
-        .iter()
-        .filter(|arm| [arms::PUBLISHED, arms::IMPROVED, arms::DIAGNOSED].contains(&arm.name))
-        .collect();
-    let certificates = estimation::certificates(&certified, &campaign.held_out, request.seed);
-    let certificates = certified
-        .iter()
-        .zip(certificates)
-        .filter_map(|(arm, certificate)| Some((arm.name, certificate?)))
-        .collect();
+    let certificates = certificates(&arms, held_out, request.seed);
     let joint = Conditions {
         parameters,
         phase_rad: PHASE_RAD,
@@ -180,19 +169,15 @@ fn run_study(request: &PaperRequest) -> Result<JointStudy, PaperError> {
             Ok((task, experiments::run_experiment(task, &arms, &joint, seeds)?))
         })
         .collect::<Result<_, PaperError>>()?;
-    let by_name = |name: &str| arms.iter().find(|arm| arm.name == name);
-    let [ours, none, published, perfect] =
-        [arms::DIAGNOSED, arms::NONE, arms::PUBLISHED, arms::PERFECT].map(by_name);
-    let (Some(ours), Some(none), Some(published), Some(perfect)) = (ours, none, published, perfect)
-    else {
-        return Err(PaperError::NoArm);
-    };
+    let by_name = |name: &str| arms.iter().find(|arm| arm.name == name).ok_or(PaperError::NoArm);
+    let (ours, perfect) = (by_name(arms::DIAGNOSED)?, by_name(arms::PERFECT)?);
     (request.progress)("diagnosed parameters into a running joint");
+    let published = by_name(arms::PUBLISHED)?;
     let transfers = parameter_transfer::transfer_in_all_tasks(published, ours, &joint, seeds)?;
     let round = parameter_transfer::measure_round_seal(ours, perfect, &joint)?;
     (request.progress)("harm");
-    let harm =
-        harm::harm_map(ours, none, perfect, &Conditions { max_duration_s: harm_s, ..joint })?;
+    let shorter = Conditions { max_duration_s: harm_s, ..joint };
+    let harm = harm::harm_map(ours, by_name(arms::NONE)?, perfect, &shorter)?;
     (request.progress)("wear and watch");
     let wear = harm::simulate_wear(ours, &joint, wear_days, sound_days)?;
     Ok(JointStudy {
@@ -211,6 +196,19 @@ fn run_study(request: &PaperRequest) -> Result<JointStudy, PaperError> {
         harm_s,
         wear,
     })
+}
+
+/// Certifies the published, the improved and the diagnosed model. One that cannot be certified is left out.
+fn certificates(
+    arms: &[DriverArm],
+    held_out: &Dataset,
+    seed: u64,
+) -> Vec<(&'static str, Certificate)> {
+    let names = [arms::PUBLISHED, arms::IMPROVED, arms::DIAGNOSED];
+    let certified: Vec<&DriverArm> = arms.iter().filter(|arm| names.contains(&arm.name)).collect();
+    let certificates = estimation::certificates(&certified, held_out, seed);
+    let arms = certified.iter().zip(certificates);
+    arms.filter_map(|(arm, certificate)| Some((arm.name, certificate?))).collect()
 }
 
 impl JointStudy {

@@ -12,7 +12,7 @@ use super::plant::{Element, Plant, RunInput};
 use super::sensing::{Sensing, SensorKind};
 use simulated_machines::conditions::{Condition, Extra, Signal};
 use simulated_machines::friction::Seal;
-use simulated_machines::imposed::{Point, Trajectory};
+use simulated_machines::imposed::{Division, MIN_STEPS_PER_ROW, Part, Trajectory};
 use simulated_machines::sampler::Sampler;
 use simulated_machines::sampling::PlannedRun;
 use std::f64::consts::TAU;
@@ -22,8 +22,10 @@ use std::ops::Range;
 const RATE_HZ: (f64, f64) = (50.0, 2000.0);
 /// Range of the number of runs.
 const RUNS: (f64, f64) = (3.0, 40.9);
-/// Maximum integration step, s: while the contact slides, and near standstill.
-const MAX_STEP_S: (f64, f64) = (5e-4, 1e-4);
+/// Maximum integration step while the contact slides, s.
+const MAX_SLIDING_STEP_S: f64 = 5e-4;
+/// Maximum integration step near standstill, s.
+const MAX_STANDSTILL_STEP_S: f64 = 1e-4;
 
 /// A planned run, with what acts on its joint besides the operating conditions.
 #[derive(Clone, Debug)]
@@ -77,13 +79,29 @@ pub(super) struct Campaign {
     pub correlation: f64,
 }
 
-/// Covariates of the data contract: column, centre and half-width of the usual range.
-const COVARIATES: [(&str, f64, f64); 4] = [
-    ("radial_force_n", 40.0, 35.0),
-    ("pressure_diff_pa", 2e5, 1.8e5),
-    ("temperature_c", 22.0, 13.0),
-    ("load_torque_nm", 0.0, 1.0),
+/// A covariate of the data contract, with its usual range.
+#[derive(Clone, Copy)]
+struct Covariate {
+    column: &'static str,
+    range: HalfRange,
+}
+
+impl Covariate {
+    const fn new(column: &'static str, middle: f64, half: f64) -> Self {
+        Self { column, range: HalfRange { middle, half } }
+    }
+}
+
+/// Covariates of the data contract. The range of the load is that of a joint of 1 Nm.
+const COVARIATES: [Covariate; 4] = [
+    Covariate::new("radial_force_n", 40.0, 35.0),
+    Covariate::new("pressure_diff_pa", 2e5, 1.8e5),
+    Covariate::new("temperature_c", 22.0, 13.0),
+    Covariate::new(LOAD_COLUMN, 0.0, 1.0),
 ];
+/// Index of the temperature in [`COVARIATES`].
+const TEMPERATURE: usize = 2;
+const LOAD_COLUMN: &str = "load_torque_nm";
 
 impl Campaign {
     /// Draws a campaign of a family with the given sensor kind and plant.
@@ -160,34 +178,19 @@ impl Campaign {
         self.runs.iter().map(|plan| self.trajectory(&plan.run)).collect()
     }
 
-    /// Returns the true trajectory of a run, with integration points between the rows.
+    /// Returns the true trajectory of a run from the start of its motion.
     fn trajectory(&self, run: &PlannedRun) -> Trajectory {
-        let mut trajectory = Trajectory::default();
         let slow = 2.0 * self.drive.stribeck_rad_s;
-        let mut now = run.motion.at(0.0);
-        let (mut t, mut angle) = (0.0, run.start_angle);
-        trajectory.points.push(Point { t, angle, velocity: now.velocity });
         let row_s = 1.0 / self.rate_hz;
-        for &row in &run.times {
-            while row - t > 1e-9 {
-                let next = run.motion.at((t + row_s).min(row));
-                let is_near_standstill = now.velocity.abs().min(next.velocity.abs()) < slow
-                    || now.velocity * next.velocity <= 0.0;
-                let longest =
-                    if is_near_standstill { MAX_STEP_S.1 } else { MAX_STEP_S.0 }.min(0.25 * row_s);
-                let steps = ((row - t).min(row_s) / longest).ceil();
-                let (from, step) = (t, (row - t).min(row_s) / steps);
-                for index in 1..=steps as usize {
-                    t = from + index as f64 * step;
-                    now = run.motion.at(t);
-                    angle = run.start_angle + now.angle;
-                    trajectory.points.push(Point { t, angle, velocity: now.velocity });
-                }
-            }
-            trajectory.rows.push(trajectory.points.len() - 1);
-            trajectory.accelerations.push(now.acceleration);
-        }
-        trajectory
+        let steps = |part: &Part| {
+            let (before, after) = (part.begin.velocity, part.end.velocity);
+            let is_near_standstill = before.abs().min(after.abs()) < slow || before * after <= 0.0;
+            let longest =
+                if is_near_standstill { MAX_STANDSTILL_STEP_S } else { MAX_SLIDING_STEP_S };
+            (part.seconds / longest.min(row_s / MIN_STEPS_PER_ROW)).ceil()
+        };
+        let division = Division { start_s: 0.0, longest_part_s: row_s, steps };
+        Trajectory::new(&run.motion, run.start_angle, &run.times, &division)
     }
 }
 
@@ -277,9 +280,9 @@ fn draw_rigid_body(sampler: &mut Sampler, sensing: &Sensing) -> Vec<&'static str
 /// Draws the optional columns of the log.
 fn draw_columns(sampler: &mut Sampler, rigid_body: &[&'static str]) -> Vec<&'static str> {
     let mut columns: Vec<&'static str> = Vec::new();
-    for (name, _, _) in COVARIATES {
-        if sampler.chance(0.7) || (name == "load_torque_nm" && rigid_body.contains(&"load")) {
-            columns.push(name);
+    for Covariate { column, .. } in COVARIATES {
+        if sampler.chance(0.7) || (column == LOAD_COLUMN && rigid_body.contains(&"load")) {
+            columns.push(column);
         }
     }
     if sampler.chance(0.15) {
@@ -352,7 +355,7 @@ impl Courses {
             .collect();
         // In some campaigns one quantity, mostly the temperature, rises with the order of the runs.
         if sampler.chance(0.3) {
-            let which = if sampler.chance(0.6) { 2 } else { sampler.below(quantities) };
+            let which = if sampler.chance(0.6) { TEMPERATURE } else { sampler.below(quantities) };
             let share = sampler.between(0.5, 1.0);
             for (at, level) in levels[which].iter_mut().enumerate() {
                 let rise = 2.0 * at as f64 / (runs.max(2) - 1) as f64 - 1.0;
@@ -392,7 +395,7 @@ impl Courses {
         let (hz, phase) = self.waves[quantity][run];
         let varies = self.varies[quantity];
         let swing = if varies { half * sampler.between(0.02, 0.35) } else { 0.0 };
-        let is_slow = quantity == 2 || quantity >= COVARIATES.len();
+        let is_slow = quantity == TEMPERATURE || quantity >= COVARIATES.len();
         Signal {
             level: middle + half * self.levels[quantity][run],
             per_s: if varies { half * sampler.between(-0.3, 0.3) / seconds } else { 0.0 },
@@ -435,10 +438,10 @@ fn draw_conditions(
     let conditions = (0..runs).map(|run| {
         let mut signal =
             |quantity, range| courses.signal(sampler, Place { quantity, run, seconds }, range);
-        let [force, pressure, temperature, load] = [0, 1, 2, 3].map(|quantity| {
-            let (_, middle, half) = COVARIATES[quantity];
-            let half = if quantity == 3 { load_nm } else { half };
-            signal(quantity, HalfRange { middle, half })
+        let [force, pressure, temperature, load] = std::array::from_fn(|quantity| {
+            let Covariate { column, range } = COVARIATES[quantity];
+            let half = if column == LOAD_COLUMN { load_nm } else { range.half };
+            signal(quantity, HalfRange { half, ..range })
         });
         let extras = extras.iter().enumerate().map(|(place, &extra)| {
             let (least, most) = extra.range();

@@ -10,6 +10,7 @@
 //! depend on the filters and encoders of that module. Filters run at the log's rate and assume that their input is
 //! linear between rows.
 
+use simulated_machines::effects::Wave;
 use simulated_machines::sampler::Sampler;
 use std::f64::consts::TAU;
 
@@ -104,27 +105,29 @@ impl SecondOrder {
 /// Periodic error of a resolver.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AngleError {
-    /// Amplitude, rad, and phase, rad, of the errors once and twice per turn.
-    waves: [(f64, f64); 2],
+    /// Errors once and twice per turn, rad.
+    waves: [Wave; 2],
 }
 
 impl AngleError {
     /// Draws an error of the size of usual resolvers: up to 10 arcmin.
     pub fn draw(sampler: &mut Sampler) -> Self {
-        let waves =
-            [3e-3, 2e-3].map(|most| (sampler.log_between(1e-4, most), sampler.between(0.0, TAU)));
-        Self { waves }
+        let mut draw = |order: f64, most_rad: f64| {
+            let size = sampler.log_between(1e-4, most_rad);
+            Wave { size, order, phase: sampler.between(0.0, TAU) }
+        };
+        Self { waves: [draw(1.0, 3e-3), draw(2.0, 2e-3)] }
     }
 
     /// Returns the angle with the error, rad.
     pub fn read(&self, angle: f64) -> f64 {
-        let [(once, once_phase), (twice, twice_phase)] = self.waves;
-        angle + once * (angle + once_phase).sin() + twice * (2.0 * angle + twice_phase).sin()
+        let [once, twice] = self.waves;
+        angle + once.at(angle) + twice.at(angle)
     }
 
     /// Returns the amplitudes of the errors once and twice per turn, rad.
     pub fn amplitudes(&self) -> [f64; 2] {
-        self.waves.map(|(amplitude, _)| amplitude)
+        self.waves.map(|wave| wave.size)
     }
 }
 

@@ -109,49 +109,47 @@ impl HiddenEffect {
 
     /// Returns the effect for the truth. `visible_rms_nm` is the RMS of its torque.
     pub fn describe(&self, campaign: &Campaign, visible_rms_nm: f64) -> Hidden {
-        let (unit, order, details, in_words) = match self {
-            Self::Joint(drawn) => (
-                drawn.unit(),
-                drawn.is_periodic().then_some(drawn.order),
-                drawn.details(),
-                drawn.words(),
-            ),
+        let effect = |unit, details, in_words| Hidden {
+            cause: self.cause(),
+            columns: self.columns(campaign),
+            size: self.size(),
+            unit,
+            order: None,
+            visible_rms_nm,
+            details,
+            in_words,
+        };
+        match self {
+            Self::Joint(drawn) => {
+                let order = drawn.is_periodic().then_some(drawn.order);
+                Hidden { order, ..effect(drawn.unit(), drawn.details(), drawn.words()) }
+            }
             Self::Encoder(error) => {
                 let words = format!("encoder-error of {:.1e} rad", error.size);
-                ("rad", Some(error.order), vec![("phase_rad", error.phase)], words)
+                let details = vec![("phase_rad", error.phase)];
+                Hidden { order: Some(error.order), ..effect("rad", details, words) }
             }
             Self::Coupling(coupling) => {
-                let [inertia, square, product] = coupling.shares;
+                let Coupling { size, acceleration, square, product, .. } = *coupling;
                 let details =
-                    vec![("acceleration", inertia), ("square", square), ("product", product)];
-                ("Nm", None, details, format!("joint-coupling of {:.2e} Nm", coupling.size))
+                    vec![("acceleration", acceleration), ("square", square), ("product", product)];
+                effect("Nm", details, format!("joint-coupling of {size:.2e} Nm"))
             }
-            Self::Payload(payload) => {
-                let details = vec![("weight", payload.shares[0]), ("inertia", payload.shares[1])];
-                ("Nm", None, details, format!("payload of {:.2e} Nm", payload.size))
+            Self::Payload(Payload { size, weight, inertia, .. }) => {
+                let details = vec![("weight", *weight), ("inertia", *inertia)];
+                effect("Nm", details, format!("payload of {size:.2e} Nm"))
             }
             Self::Along(along) => {
                 let (what, details) = match along.shape {
                     TravelShape::Slope => ("a slope", Vec::new()),
                     TravelShape::Dip { at, width } => ("a dip", vec![("at", at), ("width", width)]),
                 };
-                (
+                effect(
                     "1",
-                    None,
                     details,
                     format!("unknown: {what} of {:.2} along the travel", along.size),
                 )
             }
-        };
-        Hidden {
-            cause: self.cause(),
-            columns: self.columns(campaign),
-            size: self.size(),
-            unit,
-            order,
-            visible_rms_nm,
-            details,
-            in_words,
         }
     }
 }

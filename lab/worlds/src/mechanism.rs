@@ -59,10 +59,16 @@ pub(super) struct Along {
 pub(super) struct Coupling {
     /// Torque at the reference motion, Nm.
     pub size: f64,
-    /// Reference velocity, rad/s, and acceleration, rad/s^2.
-    pub reference: (f64, f64),
-    /// Shares of the acceleration, of the square of the velocity, and of the product of both joints' velocities.
-    pub shares: [f64; 3],
+    /// Reference velocity, rad/s.
+    pub reference_rad_s: f64,
+    /// Reference acceleration, rad/s^2.
+    pub reference_rad_s2: f64,
+    /// Share of the acceleration.
+    pub acceleration: f64,
+    /// Share of the square of the velocity.
+    pub square: f64,
+    /// Share of the product of both joints' velocities.
+    pub product: f64,
 }
 
 /// Torque by a payload: its weight and its inertia.
@@ -74,8 +80,10 @@ pub(super) struct Payload {
     pub phase: f64,
     /// Reference acceleration, rad/s^2.
     pub reference_rad_s2: f64,
-    /// Shares of the weight and the inertia.
-    pub shares: [f64; 2],
+    /// Share of the weight.
+    pub weight: f64,
+    /// Share of the inertia.
+    pub inertia: f64,
 }
 
 impl Along {
@@ -104,21 +112,18 @@ impl Mechanism {
     pub fn added(&self, beside: &Beside, point: &Point, acceleration: f64) -> f64 {
         let coupled = self.coupling.zip(beside.other.as_ref()).map_or(0.0, |(coupling, motion)| {
             let Instant { velocity, acceleration, .. } = motion.at(point.t);
-            let (reference_rad_s, reference_rad_s2) = coupling.reference;
-            let speed = velocity / reference_rad_s;
-            let products = [
-                acceleration / reference_rad_s2,
-                speed * speed.abs(),
-                speed * point.velocity / reference_rad_s,
-            ];
+            let speed = velocity / coupling.reference_rad_s;
             coupling.size
-                * products.iter().zip(coupling.shares).map(|(x, share)| x * share).sum::<f64>()
+                * (acceleration / coupling.reference_rad_s2 * coupling.acceleration
+                    + speed * speed.abs() * coupling.square
+                    + speed * point.velocity / coupling.reference_rad_s * coupling.product)
         });
         let carried = self.payload.map_or(0.0, |payload| {
             let weight = (point.angle + payload.phase).sin();
             let inertia = acceleration / payload.reference_rad_s2;
-            let [of_weight, of_inertia] = payload.shares;
-            payload.size * beside.payload.at(point.t) * (of_weight * weight + of_inertia * inertia)
+            payload.size
+                * beside.payload.at(point.t)
+                * (payload.weight * weight + payload.inertia * inertia)
         });
         coupled + carried
     }

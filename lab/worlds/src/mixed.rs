@@ -247,15 +247,22 @@ fn draw_effect(sampler: &mut Sampler, campaign: &mut Campaign, cause: Cause) -> 
             HiddenEffect::Encoder(Wave { size: 1e-3 / order, order, phase })
         }
         Cause::Coupling => {
-            let mut shares = [1.0, 0.0, 0.0];
+            let (mut square, mut product) = (0.0, 0.0);
             if sampler.chance(0.5) {
-                shares[1 + sampler.below(2)] = sampler.between(0.3, 1.0);
+                let share = sampler.between(0.3, 1.0);
+                if sampler.below(2) == 0 {
+                    square = share;
+                } else {
+                    product = share;
+                }
             }
-            let reference = (drive.top_rad_s, 0.3 * drive.steepest_rad_s2);
             HiddenEffect::Coupling(Coupling {
                 size: 0.1 * level * sampler.sign(),
-                reference,
-                shares,
+                reference_rad_s: drive.top_rad_s,
+                reference_rad_s2: 0.3 * drive.steepest_rad_s2,
+                acceleration: 1.0,
+                square,
+                product,
             })
         }
         Cause::Payload => {
@@ -263,8 +270,8 @@ fn draw_effect(sampler: &mut Sampler, campaign: &mut Campaign, cause: Cause) -> 
             let weight = if has("gravity") { 1.0 } else { 0.0 };
             let inertia = if has("inertia") { sampler.between(0.2, 1.0) } else { 0.0 };
             let reference_rad_s2 = 0.5 * drive.steepest_rad_s2;
-            let shares = [weight, inertia];
-            HiddenEffect::Payload(Payload { size: 0.1 * level, phase, reference_rad_s2, shares })
+            let size = 0.1 * level;
+            HiddenEffect::Payload(Payload { size, phase, reference_rad_s2, weight, inertia })
         }
     }
 }
@@ -289,11 +296,6 @@ fn restrained(mut drawn: DrawnCause) -> DrawnCause {
 fn draw_unknown(sampler: &mut Sampler, campaign: &mut Campaign) -> HiddenEffect {
     let curve = [Curve::Straight, Curve::Square, Curve::Step][sampler.below(3)];
     let flavour = match sampler.below(8) {
-        0..=2 => {
-            let extra = add_extra(sampler, campaign);
-            let (least, most) = campaign.range(|condition| condition.extra(extra));
-            Flavour::Column { extra, from: least, range: (most - least).max(1e-3), curve }
-        }
         3..=6 if campaign.sensing.has_position() => return draw_along(sampler, campaign),
         7 => {
             // Below the Stribeck velocity, the law would fit a band as its own curve.

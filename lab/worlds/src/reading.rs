@@ -78,16 +78,23 @@ const START_ROWS: usize = 30;
 /// Number of trial values in each direction, from zero to the static level.
 const TRIALS_PER_SIDE: i32 = 8;
 
+/// A trajectory from its first row on.
+pub(super) struct Started {
+    pub trajectory: Trajectory,
+    /// Contact torque at the start, as a share of the Coulomb level.
+    pub held: f64,
+}
+
 /// Cuts a trajectory before its first row and estimates the contact torque there from the first rows' torque.
 ///
-/// The log alone does not contain the motion before its first row. The contact torque is a share of the Coulomb level.
+/// The log alone does not contain the motion before its first row.
 pub(super) fn estimate_start(
     machine: &Machine,
     run: &RunPlan,
     trajectory: &Trajectory,
     logged: &Readings,
     channel: impl Fn(&[f64]) -> Vec<f64>,
-) -> (Trajectory, f64) {
+) -> Started {
     let first = trajectory.rows[0];
     let cut = Trajectory {
         points: trajectory.points[first..].to_vec(),
@@ -120,7 +127,7 @@ pub(super) fn estimate_start(
             found.1 = held;
         }
     }
-    (cut, found.1)
+    Started { trajectory: cut, held: found.1 }
 }
 
 /// Returns the centred moving average over `rows` rows.

@@ -3,8 +3,8 @@
 use super::campaign::{Campaign, RunPlan};
 use super::hidden_effect::HiddenEffect;
 use super::mechanism::Mechanism;
-use super::plant::{Machine, Plant};
-use super::reading::{Reading, estimate_start};
+use super::plant::{Machine, Plant, RunInput};
+use super::reading::{Reading, Started, estimate_start};
 use super::sensing::SensorKind;
 use super::trajectory::thinned;
 use super::visible::{Rows, difference, evaluate_visibility, rms};
@@ -328,7 +328,7 @@ impl World {
             Machine { covariate_hz: sensing.covariate_hz, ..Machine::bristles(mechanism) };
         let errors = |trajectories: &[Trajectory]| -> Rows {
             let Campaign { runs, .. } = &self.campaign;
-            let started: Vec<(Trajectory, f64)> = runs
+            let started: Vec<Started> = runs
                 .iter()
                 .zip(trajectories)
                 .zip(logged)
@@ -338,8 +338,9 @@ impl World {
                     })
                 })
                 .collect();
-            let inputs = runs.iter().zip(&started).map(|(plan, (trajectory, held))| {
-                super::plant::RunInput { held: *held, ..plan.input(trajectory) }
+            let inputs = runs.iter().zip(&started).map(|(plan, start)| RunInput {
+                held: start.held,
+                ..plan.input(&start.trajectory)
             });
             let torques = machine.torques(inputs);
             let run = |((torque, plan), logged): ((Vec<f64>, &RunPlan), &Readings)| {

@@ -4,6 +4,7 @@
 //! read over the bus as a master reads them. A reset or a power cut starts another chip with the flash of the old one.
 
 use crate::chip::clock::reset;
+use crate::chip::fdcan::BusFailure;
 use crate::chip::flash::StoreContent;
 use crate::chip::wiring::{ESC1, STANDARD, Wiring};
 use crate::chip::{CORE_HZ, Chip};
@@ -301,9 +302,10 @@ impl RigDriver for BoardDriver {
     fn step(&mut self, state: &BoardState, sync: Option<Frame>, sent: &mut dyn FnMut(CanFrame)) {
         let chip = self.machine.chip_mut();
         chip.world.state = *state;
-        let can = state.can;
-        if can != CanState::Active {
-            chip.can.count_errors(can == CanState::Off);
+        match state.can {
+            CanState::Active => {}
+            CanState::Passive => chip.can.count_errors(BusFailure::Passive),
+            CanState::Off => chip.can.count_errors(BusFailure::Off),
         }
         if let Some(sync) = sync {
             self.receive(&sync);

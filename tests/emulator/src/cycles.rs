@@ -52,9 +52,10 @@ impl Cost {
         Self { lower, upper }
     }
 
-    fn add(&mut self, other: Self) {
-        self.lower += other.lower;
-        self.upper += other.upper;
+    /// Adds a number of cycles. A sum above the range stays at its end.
+    pub(crate) fn add(&mut self, other: Self) {
+        self.lower = self.lower.saturating_add(other.lower);
+        self.upper = self.upper.saturating_add(other.upper);
     }
 }
 

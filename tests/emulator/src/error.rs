@@ -24,6 +24,14 @@ pub enum EmulatorError {
         /// The reason.
         source: object::Error,
     },
+    /// A segment of the image is not in its file.
+    #[error("{}: the segment at {address:#x} is beyond the end of the file", path.display())]
+    Segment {
+        /// The file.
+        path: PathBuf,
+        /// Load address of the segment.
+        address: u32,
+    },
     /// The image has no segment in flash.
     #[error("the image has no code")]
     NoCode,

@@ -1,7 +1,7 @@
 //! State of the execution, and what Unicorn calls: registers, blocks, faults.
 
 use crate::calls::{Call, CallCounter};
-use crate::chip::dma::Memory;
+use crate::chip::dma::{Memory, NoMemory};
 use crate::chip::{Chip, REGISTER_REGIONS};
 use crate::cycles::{self, Block, Cost};
 use crate::nvic::NMI;
@@ -28,7 +28,7 @@ pub struct HandlerRun {
     pub cost: Cost,
     /// Number of instructions.
     pub instructions: u32,
-    /// Time at which it was entered, and left, cycles.
+    /// Time at which it was entered, cycles.
     pub from: u64,
     /// Time at which it was left, cycles.
     pub until: u64,
@@ -76,14 +76,14 @@ pub(crate) struct Context<W> {
 pub(crate) struct CoreMemory<'a, W: 'static>(pub Unicorn<'a, Context<W>>);
 
 impl<W> Memory for CoreMemory<'_, W> {
-    fn read_half(&mut self, address: u32) -> u16 {
+    fn read_half(&mut self, address: u32) -> Result<u16, NoMemory> {
         let mut bytes = [0; 2];
-        let _ = self.0.mem_read(address.into(), &mut bytes);
-        u16::from_le_bytes(bytes)
+        self.0.mem_read(address.into(), &mut bytes).map_err(|_| NoMemory)?;
+        Ok(u16::from_le_bytes(bytes))
     }
 
-    fn write_half(&mut self, address: u32, value: u16) {
-        let _ = self.0.mem_write(address.into(), &value.to_le_bytes());
+    fn write_half(&mut self, address: u32, value: u16) -> Result<(), NoMemory> {
+        self.0.mem_write(address.into(), &value.to_le_bytes()).map_err(|_| NoMemory)
     }
 }
 
@@ -162,8 +162,7 @@ impl<W: World> Context<W> {
     fn charge(&mut self, cost: Cost) {
         self.chip.now += u64::from(cost.upper);
         if let Some(run) = self.runs.last_mut() {
-            run.cost.lower = run.cost.lower.saturating_add(cost.lower);
-            run.cost.upper = run.cost.upper.saturating_add(cost.upper);
+            run.cost.add(cost);
         }
     }
 
@@ -189,8 +188,7 @@ impl<W: World> Context<W> {
         let block = &self.blocks[place];
         let mut cost = block.cost;
         if address != self.sequence {
-            cost.lower += cycles::REFILL.lower;
-            cost.upper += cycles::REFILL.upper;
+            cost.add(cycles::REFILL);
         }
         self.sequence = address + block.bytes;
         if (FLASH.0..FLASH.0 + FLASH.1).contains(&address) {
@@ -208,8 +206,7 @@ impl<W: World> Context<W> {
         self.chip.now += u64::from(cost.upper);
         let instructions = block.instructions;
         if let Some(run) = self.runs.last_mut() {
-            run.cost.lower = run.cost.lower.saturating_add(cost.lower);
-            run.cost.upper = run.cost.upper.saturating_add(cost.upper);
+            run.cost.add(cost);
             run.instructions = run.instructions.saturating_add(instructions);
             if self.profiled == Some(run.exception) {
                 self.blocks_of_run.push((place, cost));

@@ -1,4 +1,4 @@
-//! The image: its loaded segments, its symbols, and patches for mutations.
+//! The image: its loaded segments and its symbols.
 
 use crate::chip::flash::Content;
 use crate::error::EmulatorError;
@@ -44,43 +44,36 @@ impl Image {
     /// Reads an ELF file.
     ///
     /// # Errors
-    /// [`EmulatorError::Read`] or [`EmulatorError::Format`].
+    /// [`EmulatorError::Read`], [`EmulatorError::Format`] or [`EmulatorError::Segment`].
     pub fn read(path: &Path) -> Result<Self, EmulatorError> {
         let data = std::fs::read(path)
             .map_err(|source| EmulatorError::Read { path: path.to_owned(), source })?;
-        Self::parse(&data).map_err(|source| EmulatorError::Format { path: path.to_owned(), source })
-    }
-
-    fn parse(data: &[u8]) -> Result<Self, object::Error> {
-        let file = ElfFile32::<Endianness>::parse(data)?;
+        let format = |source| EmulatorError::Format { path: path.to_owned(), source };
+        let file = ElfFile32::<Endianness>::parse(&*data).map_err(format)?;
         let endian = file.endian();
-        let mut segments = Vec::new();
+        let mut image = Self { segments: Vec::new(), symbols: Vec::new(), labels: Vec::new() };
         for segment in file.elf_program_headers() {
+            let address = segment.p_paddr(endian);
             if segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) > 0 {
-                let bytes = segment.data(endian, data).unwrap_or_default().to_vec();
-                segments.push(Segment { address: segment.p_paddr(endian), bytes });
+                let beyond = |()| EmulatorError::Segment { path: path.to_owned(), address };
+                let bytes = segment.data(endian, &*data).map_err(beyond)?.to_vec();
+                image.segments.push(Segment { address, bytes });
             }
         }
-        let mut symbols: Vec<Symbol> = file
-            .symbols()
-            .filter(|symbol| symbol.size() > 0)
-            .filter_map(|symbol| {
-                let is_function = symbol.kind() == object::SymbolKind::Text;
-                Some(Symbol {
-                    name: symbol.name().ok()?.to_owned(),
-                    // The address of a function has the Thumb bit.
-                    address: symbol.address() as u32 & if is_function { !1 } else { !0 },
-                    size: symbol.size() as u32,
-                    is_function,
-                })
-            })
-            .collect();
-        symbols.sort_by_key(|symbol| symbol.address);
-        let labels = file.symbols().filter(|symbol| symbol.size() == 0);
-        let labels = labels
-            .filter_map(|label| Some((label.name().ok()?.to_owned(), label.address() as u32)))
-            .collect();
-        Ok(Self { segments, symbols, labels })
+        for symbol in file.symbols() {
+            let (name, address) =
+                (symbol.name().map_err(format)?.to_owned(), symbol.address() as u32);
+            if symbol.size() == 0 {
+                image.labels.push((name, address));
+                continue;
+            }
+            let is_function = symbol.kind() == object::SymbolKind::Text;
+            // The address of a function has the Thumb bit.
+            let address = address & if is_function { !1 } else { !0 };
+            image.symbols.push(Symbol { name, address, size: symbol.size() as u32, is_function });
+        }
+        image.symbols.sort_by_key(|symbol| symbol.address);
+        Ok(image)
     }
 
     /// Writes the image to a flash, as a debugger does.
@@ -106,13 +99,5 @@ impl Image {
             .rev()
             .take(8)
             .find(|symbol| symbol.is_function && address < symbol.address + symbol.size)
-    }
-
-    /// Returns the bytes at a load address.
-    pub fn bytes_mut(&mut self, address: u32, length: usize) -> Option<&mut [u8]> {
-        self.segments.iter_mut().find_map(|segment| {
-            let at = address.checked_sub(segment.address)? as usize;
-            segment.bytes.get_mut(at..at + length)
-        })
     }
 }

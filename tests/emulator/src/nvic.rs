@@ -10,8 +10,6 @@ const EXCEPTIONS: usize = 16 + 102;
 pub const NMI: usize = 2;
 /// Hard fault.
 pub const HARD_FAULT: usize = 3;
-/// SysTick.
-pub const SYSTICK: usize = 15;
 /// Exception number of the chip's first interrupt.
 pub const FIRST_INTERRUPT: usize = 16;
 

@@ -106,67 +106,13 @@ impl DrawnJoint {
 
     /// Draws a joint without hidden effects.
     fn draw_clean(seed: u64, sampler: &mut Sampler, family: FrictionFamily) -> Self {
-        let reference = Parameters::default();
         let friction_nm = sampler.log_between(0.6, 3.0);
-        let gear_nm = friction_nm * sampler.between(0.08, 0.2);
-        // Level of the reference seal per unit of its coefficient, Nm.
-        let area_m2 = TAU * reference.shaft_radius_m * reference.seal_width_m;
-        let pressed_nm = reference.seal_preload_pa * area_m2 * reference.shaft_radius_m;
-        let friction_kinetic = (friction_nm - gear_nm) / pressed_nm;
-        let gear_ratio = sampler.between(42.0, 62.0).round();
-        let output_inertia_kg_m2 = sampler.log_between(0.015, 0.08);
-        let is_flexible = sampler.chance(0.4);
-        let stiffness = sampler.log_between(COUPLING_NM_PER_RAD.0, COUPLING_NM_PER_RAD.1);
-        let water_c = sampler.between(6.0, 24.0);
-        let constants = Parameters {
-            gear_ratio,
-            phase_resistance_ohm: reference.phase_resistance_ohm * sampler.between(0.92, 1.08),
-            phase_inductance_h: reference.phase_inductance_h * sampler.between(0.92, 1.08),
-            torque_constant_error: sampler.between(-0.06, 0.06),
-            dead_time_s: sampler.between(0.2e-6, 0.5e-6),
-            current_noise_a: sampler.between(0.02, 0.08),
-            // The board's converter quantises.
-            current_step_a: 1e-9,
-            encoder_zero_rad: sampler.between(-PI, PI),
-            encoder_direction: sampler.sign(),
-            magnet_eccentricity_rad: sampler.between(0.0, 0.01),
-            cogging_nm: sampler.log_between(2e-4, 2e-3),
-            rotor_inertia_kg_m2: reference.rotor_inertia_kg_m2 * sampler.between(0.6, 1.4),
-            output_inertia_kg_m2,
-            gear_no_load_nm: gear_nm,
-            // The losses of the gear belong to its constant share, unless load-torque-coulomb is hidden.
-            gear_efficiency: 1.0,
-            output_stiffness_nm_per_rad: if is_flexible { stiffness } else { 0.0 },
-            output_damping_nm_s_per_rad: coupling_damping(stiffness, output_inertia_kg_m2),
-            // Side load and pressure reach the level only as hidden effects, and so does the temperature.
-            seal_overhang_m: 0.0,
-            pressure_share: 0.0,
-            film_per_kelvin: 0.0,
-            level_per_kelvin: 0.0,
-            friction_kinetic,
-            friction_static: friction_kinetic * sampler.between(1.1, 1.6),
-            stribeck_velocity_rad_s: sampler.log_between(0.03, 0.3),
-            presliding_stiffness_nm_per_rad: friction_nm / sampler.log_between(2e-4, 1.2e-3),
-            film_viscous_nm_s_per_rad: friction_nm * sampler.between(0.03, 0.2),
-            eccentricity: sampler.between(0.0, 0.02),
-            out_of_round: sampler.between(0.0, 0.01),
-            water_temperature_c: water_c,
-            ..reference
-        };
-        let inertia =
-            constants.rotor_inertia_kg_m2 * gear_ratio * gear_ratio + output_inertia_kg_m2;
-        let known = KnownConstants {
-            torque_constant_nm_per_a: constants.motor_torque_constant_nm_per_a,
-            inertia_kg_m2: inertia * sampler.between(0.8, 1.2),
-            resistance_ohm: constants.phase_resistance_ohm * sampler.between(0.97, 1.03),
-            inductance_h: constants.phase_inductance_h * sampler.between(0.95, 1.05),
-            velocity_gain_factor: sampler.between(0.7, 1.3),
-            position_gain_factor: sampler.between(0.7, 1.3),
-        };
+        let constants = draw_constants(sampler, friction_nm);
+        let known = draw_known(sampler, &constants);
         let surroundings = Surroundings {
             side_load_n: Course::constant(sampler.between(2.0, 40.0)),
             pressure_pa: Course::constant(sampler.between(1e4, 1.5e5)),
-            water_c: Course::constant(water_c),
+            water_c: Course::constant(constants.water_temperature_c),
         };
         Self {
             seed,
@@ -247,6 +193,70 @@ impl DrawnJoint {
         plant.place(self.start_rad);
         plant.watch_overcurrent();
         plant
+    }
+}
+
+/// Draws the constants of a joint with this level of sliding friction, gear included, Nm.
+fn draw_constants(sampler: &mut Sampler, friction_nm: f64) -> Parameters {
+    let reference = Parameters::default();
+    let gear_nm = friction_nm * sampler.between(0.08, 0.2);
+    // Level of the reference seal per unit of its coefficient, Nm.
+    let area_m2 = TAU * reference.shaft_radius_m * reference.seal_width_m;
+    let pressed_nm = reference.seal_preload_pa * area_m2 * reference.shaft_radius_m;
+    let friction_kinetic = (friction_nm - gear_nm) / pressed_nm;
+    let gear_ratio = sampler.between(42.0, 62.0).round();
+    let output_inertia_kg_m2 = sampler.log_between(0.015, 0.08);
+    let is_flexible = sampler.chance(0.4);
+    let stiffness = sampler.log_between(COUPLING_NM_PER_RAD.0, COUPLING_NM_PER_RAD.1);
+    let water_temperature_c = sampler.between(6.0, 24.0);
+    Parameters {
+        gear_ratio,
+        phase_resistance_ohm: reference.phase_resistance_ohm * sampler.between(0.92, 1.08),
+        phase_inductance_h: reference.phase_inductance_h * sampler.between(0.92, 1.08),
+        torque_constant_error: sampler.between(-0.06, 0.06),
+        dead_time_s: sampler.between(0.2e-6, 0.5e-6),
+        current_noise_a: sampler.between(0.02, 0.08),
+        // The board's converter quantises.
+        current_step_a: 1e-9,
+        encoder_zero_rad: sampler.between(-PI, PI),
+        encoder_direction: sampler.sign(),
+        magnet_eccentricity_rad: sampler.between(0.0, 0.01),
+        cogging_nm: sampler.log_between(2e-4, 2e-3),
+        rotor_inertia_kg_m2: reference.rotor_inertia_kg_m2 * sampler.between(0.6, 1.4),
+        output_inertia_kg_m2,
+        gear_no_load_nm: gear_nm,
+        // The losses of the gear belong to its constant share, unless load-torque-coulomb is hidden.
+        gear_efficiency: 1.0,
+        output_stiffness_nm_per_rad: if is_flexible { stiffness } else { 0.0 },
+        output_damping_nm_s_per_rad: coupling_damping(stiffness, output_inertia_kg_m2),
+        // Side load and pressure reach the level only as hidden effects, and so does the temperature.
+        seal_overhang_m: 0.0,
+        pressure_share: 0.0,
+        film_per_kelvin: 0.0,
+        level_per_kelvin: 0.0,
+        friction_kinetic,
+        friction_static: friction_kinetic * sampler.between(1.1, 1.6),
+        stribeck_velocity_rad_s: sampler.log_between(0.03, 0.3),
+        presliding_stiffness_nm_per_rad: friction_nm / sampler.log_between(2e-4, 1.2e-3),
+        film_viscous_nm_s_per_rad: friction_nm * sampler.between(0.03, 0.2),
+        eccentricity: sampler.between(0.0, 0.02),
+        out_of_round: sampler.between(0.0, 0.01),
+        water_temperature_c,
+        ..reference
+    }
+}
+
+/// Draws what the builder of a joint knows of its constants.
+fn draw_known(sampler: &mut Sampler, constants: &Parameters) -> KnownConstants {
+    let geared = constants.rotor_inertia_kg_m2 * constants.gear_ratio * constants.gear_ratio;
+    let inertia = geared + constants.output_inertia_kg_m2;
+    KnownConstants {
+        torque_constant_nm_per_a: constants.motor_torque_constant_nm_per_a,
+        inertia_kg_m2: inertia * sampler.between(0.8, 1.2),
+        resistance_ohm: constants.phase_resistance_ohm * sampler.between(0.97, 1.03),
+        inductance_h: constants.phase_inductance_h * sampler.between(0.95, 1.05),
+        velocity_gain_factor: sampler.between(0.7, 1.3),
+        position_gain_factor: sampler.between(0.7, 1.3),
     }
 }
 

@@ -41,7 +41,7 @@ impl OrderAnalyser {
     }
 
     /// Returns the mean torque, Nm.
-    pub fn mean_nm(&self) -> f64 {
+    fn mean_nm(&self) -> f64 {
         self.sums[0] / self.seconds
     }
 

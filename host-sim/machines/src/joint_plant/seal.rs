@@ -62,7 +62,7 @@ impl Seal {
     /// Creates a seal as [`Seal::new`] with friction of this family.
     pub fn of_family(family: FrictionFamily, p: &Parameters, phase_rad: [f64; 2]) -> Self {
         let shaft = Shaft::of(p);
-        let unit_nm = p.seal_preload_pa * shaft.contact_area_m2() * p.shaft_radius_m;
+        let unit_nm = p.seal_preload_pa * shaft.contact_area_m2 * p.shaft_radius_m;
         let mut seal = Self {
             p: *p,
             shaft,
@@ -139,11 +139,11 @@ impl Seal {
         self.last_n = load;
         self.crept_n += dt / p.relaxation_s * (load - self.crept_n);
         let pressing = self.crept_n + p.relaxation_overshoot * (load - self.crept_n);
-        let area = self.shaft.contact_area_m2();
+        let area = self.shaft.contact_area_m2;
         let unloaded = p.seal_preload_pa * area;
         let normal = unloaded
             + p.pressure_share * around.pressure_diff_pa * area
-            + self.shaft.normal_per_load() * pressing.abs();
+            + self.shaft.normal_per_load * pressing.abs();
         if (normal - self.normal_n).abs() > 1e-5 * unloaded {
             self.normal_n = normal;
             self.gain = (normal / unloaded).powf(p.load_exponent);
@@ -166,7 +166,7 @@ impl Seal {
         };
         // Radial motion also shears the contact.
         let sheared = velocity
-            + p.radial_coupling_rad_per_m * self.shaft.displacement_per_load_m_per_n() * rate
+            + p.radial_coupling_rad_per_m * self.shaft.displacement_per_load_m_per_n * rate
             + change.sheared_rad_s;
         let held = self.contact.step(p, &pressing, velocity, sheared, dt);
         let viscous = p.film_viscous_nm_s_per_rad * self.viscosity * velocity

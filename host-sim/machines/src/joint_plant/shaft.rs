@@ -14,9 +14,12 @@ use std::f64::consts::PI;
 /// Geometry factors for a simulation step.
 #[derive(Clone, Copy, Debug)]
 pub struct Shaft {
-    displacement: f64,
-    normal: f64,
-    area: f64,
+    /// Radial displacement at the ring per side load, m/N.
+    pub displacement_per_load_m_per_n: f64,
+    /// Normal force for friction per side load, N/N.
+    pub normal_per_load: f64,
+    /// Contact area of the ring, m^2.
+    pub contact_area_m2: f64,
 }
 
 impl Shaft {
@@ -30,25 +33,10 @@ impl Shaft {
         let ring = PI * p.seal_width_m * p.seal_modulus_pa * p.shaft_radius_m / p.seal_thickness_m;
         let displacement = by_load / (1.0 + ring * by_ring);
         Self {
-            displacement,
-            normal: 4.0 / PI * ring * displacement,
-            area: 2.0 * PI * p.shaft_radius_m * p.seal_width_m,
+            displacement_per_load_m_per_n: displacement,
+            normal_per_load: 4.0 / PI * ring * displacement,
+            contact_area_m2: 2.0 * PI * p.shaft_radius_m * p.seal_width_m,
         }
-    }
-
-    /// Returns the radial displacement at the ring per side load, m/N.
-    pub fn displacement_per_load_m_per_n(&self) -> f64 {
-        self.displacement
-    }
-
-    /// Returns the normal force for friction per side load, N/N.
-    pub fn normal_per_load(&self) -> f64 {
-        self.normal
-    }
-
-    /// Returns the contact area of the ring, m^2.
-    pub fn contact_area_m2(&self) -> f64 {
-        self.area
     }
 }
 
@@ -66,10 +54,10 @@ mod tests {
         let cantilever = (l * o * o / 2.0 - o * o * o / 6.0) / stiffness;
         let turned = o * l * b / (3.0 * stiffness);
         let beam = cantilever + turned;
-        assert!((free.displacement_per_load_m_per_n() / beam - 1.0).abs() < 1e-6);
+        assert!((free.displacement_per_load_m_per_n / beam - 1.0).abs() < 1e-6);
         let real = Shaft::of(&p);
-        assert!(real.displacement_per_load_m_per_n() < beam);
+        assert!(real.displacement_per_load_m_per_n < beam);
         // The force on the ring is in the order of the load times the lever ratio.
-        assert!((0.5..3.0).contains(&real.normal_per_load()), "{}", real.normal_per_load());
+        assert!((0.5..3.0).contains(&real.normal_per_load), "{}", real.normal_per_load);
     }
 }

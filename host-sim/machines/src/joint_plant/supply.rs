@@ -12,7 +12,7 @@ pub struct Supply {
     /// Voltage the supply is set to, V.
     pub set_v: f64,
     /// Voltage of the capacitor, V.
-    bus_v: f64,
+    pub bus_v: f64,
     /// Capacitance, F, and resistance between supply and capacitor, ohm.
     capacitance_f: f64,
     resistance_ohm: f64,
@@ -27,11 +27,6 @@ impl Supply {
             capacitance_f: p.bus_capacitance_f,
             resistance_ohm: p.supply_resistance_ohm,
         }
-    }
-
-    /// Returns the voltage of the capacitor, V.
-    pub fn bus_v(&self) -> f64 {
-        self.bus_v
     }
 
     /// Integrates by `dt` (s) while the bridge draws `drawn_a` (A).
@@ -63,14 +58,14 @@ mod tests {
         let dt = 1e-5;
         for _ in 0..1000 {
             let power_w = 100.0;
-            supply.step(-power_w / supply.bus_v(), dt);
+            supply.step(-power_w / supply.bus_v, dt);
         }
         let wanted = (48f64.powi(2) + 2.0 / p.bus_capacitance_f).sqrt();
-        assert!((supply.bus_v() - wanted).abs() < 0.05, "{} of {wanted}", supply.bus_v());
+        assert!((supply.bus_v - wanted).abs() < 0.05, "{} of {wanted}", supply.bus_v);
         // The voltage stays constant until current is drawn.
         (0..1000).for_each(|_| supply.step(0.0, dt));
-        assert!((supply.bus_v() - wanted).abs() < 0.05);
+        assert!((supply.bus_v - wanted).abs() < 0.05);
         (0..10_000).for_each(|_| supply.step(10.0, dt));
-        assert!((supply.bus_v() - 47.5).abs() < 1e-3, "{}", supply.bus_v());
+        assert!((supply.bus_v - 47.5).abs() < 1e-3, "{}", supply.bus_v);
     }
 }

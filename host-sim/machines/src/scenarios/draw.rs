@@ -68,8 +68,9 @@ impl Plan {
     }
 }
 
-/// Draws scenarios until the hidden effects of one are visible as required.
-pub(super) fn draw(
+/// Draws scenarios of a plan, which may be drawn itself, until the hidden effects of one are visible as required. `sizes` are
+/// those of its effects, in their order.
+pub fn draw_planned(
     plan: &dyn Fn(&mut Sampler) -> Plan,
     sizes: &[Option<f64>],
     seed: u64,

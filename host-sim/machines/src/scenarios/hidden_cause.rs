@@ -1,14 +1,5 @@
 //! The effects that can be hidden, each with its name, unit, column and size range.
 
-/// Constant properties of an effect.
-struct CauseProperties {
-    name: &'static str,
-    unit: &'static str,
-    column: Option<&'static str>,
-    /// Smallest and largest size that the user can request.
-    bounds: (f64, f64),
-}
-
 macro_rules! hidden_causes {
     ($($(#[$about:meta])* $cause:ident = $name:literal, $unit:literal, $column:expr, $bounds:expr;)*) => {
         /// A physical effect that the plain LuGre model does not contain.
@@ -21,16 +12,24 @@ macro_rules! hidden_causes {
             /// All effects, those of the catalogue first.
             pub const ALL: [HiddenCause; [$($name),*].len()] = [$(HiddenCause::$cause),*];
 
-            /// Returns the constant properties of the effect.
-            const fn properties(self) -> CauseProperties {
-                match self {
-                    $(HiddenCause::$cause => CauseProperties {
-                        name: $name,
-                        unit: $unit,
-                        column: $column,
-                        bounds: $bounds,
-                    },)*
-                }
+            /// Returns the name of the cause in the catalogue.
+            pub const fn name(self) -> &'static str {
+                match self { $(HiddenCause::$cause => $name,)* }
+            }
+
+            /// Returns the unit of the size.
+            pub const fn unit(self) -> &'static str {
+                match self { $(HiddenCause::$cause => $unit,)* }
+            }
+
+            /// Returns the log column that the effect depends on.
+            pub const fn column(self) -> Option<&'static str> {
+                match self { $(HiddenCause::$cause => $column,)* }
+            }
+
+            /// Returns the smallest and largest size that the user can request.
+            pub const fn bounds(self) -> (f64, f64) {
+                match self { $(HiddenCause::$cause => $bounds,)* }
             }
         }
     };
@@ -80,29 +79,9 @@ hidden_causes! {
 }
 
 impl HiddenCause {
-    /// Returns the name of the cause in the catalogue.
-    pub const fn name(self) -> &'static str {
-        self.properties().name
-    }
-
     /// Returns the effect with this name.
     pub fn parse(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|effect| effect.name() == name)
-    }
-
-    /// Returns the unit of the size.
-    pub const fn unit(self) -> &'static str {
-        self.properties().unit
-    }
-
-    /// Returns the log column that the effect depends on.
-    pub const fn column(self) -> Option<&'static str> {
-        self.properties().column
-    }
-
-    /// Returns the smallest and largest size that the user can request.
-    pub const fn bounds(self) -> (f64, f64) {
-        self.properties().bounds
     }
 
     /// Returns the size without an effect.

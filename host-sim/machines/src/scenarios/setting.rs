@@ -5,7 +5,7 @@ use super::hidden_cause::HiddenCause;
 use super::sensors::{LossLimits, PlannedSensors};
 use crate::conditions::{Condition, Extra, Signal};
 use crate::friction::Seal;
-use crate::imposed::{Bristles, Machine, Trajectory};
+use crate::imposed::{Bristles, Division, MIN_STEPS_PER_ROW, Machine, Part, Trajectory};
 use crate::joint::Joint;
 use crate::log::Log;
 use crate::sampler::Sampler;
@@ -109,6 +109,30 @@ fn draw_seal(sampler: &mut Sampler, rate_hz: f64, effects: &[HiddenCause]) -> Se
     }
 }
 
+/// Draws an oscillation with this amplitude.
+fn draw_swing(sampler: &mut Sampler, swing: f64) -> Signal {
+    let (hz, phase) = (sampler.between(0.5, 3.0), sampler.between(0.0, TAU));
+    Signal { swing, hz, phase, ..Signal::default() }
+}
+
+/// Draws an extra column of a run of `seconds`. `lubricant_age_s` is the time since the last greasing, at its start.
+fn draw_extra(sampler: &mut Sampler, extra: Extra, lubricant_age_s: f64, seconds: f64) -> Signal {
+    let (least, most) = extra.range();
+    let level = sampler.between(least, most);
+    let small = 0.02 * (most - least);
+    match extra {
+        Extra::LubricantAge => {
+            let per_s = 1.0 / 3600.0;
+            Signal { level: lubricant_age_s / 3600.0, per_s, ..Signal::default() }
+        }
+        Extra::CableTension => Signal { level, ..draw_swing(sampler, 0.1 * (most - least)) },
+        Extra::Humidity | Extra::SupplyVoltage => {
+            let per_s = sampler.between(-small, small) / seconds;
+            Signal { level, per_s, ..Signal::default() }
+        }
+    }
+}
+
 /// Draws the operating conditions of each run.
 fn draw_conditions(
     sampler: &mut Sampler,
@@ -127,17 +151,12 @@ fn draw_conditions(
             let turned = TAU * cycles * index as f64 / size.runs as f64 + turn;
             let swing_n =
                 if lively { sampler.between(4.0, 10.0) } else { sampler.between(1.0, 8.0) };
-            let swing = |sampler: &mut Sampler, swing: f64| Signal {
-                swing,
-                hz: sampler.between(0.5, 3.0),
-                phase: sampler.between(0.0, TAU),
-                ..Signal::default()
-            };
-            let force = Signal { level: sampler.between(12.0, 60.0), ..swing(sampler, swing_n) };
+            let force =
+                Signal { level: sampler.between(12.0, 60.0), ..draw_swing(sampler, swing_n) };
             let load_nm = sampler.between(0.3, 2.0);
             let load = Signal {
                 level: sampler.sign() * sampler.between(0.5, 10.0),
-                ..swing(sampler, load_nm)
+                ..draw_swing(sampler, load_nm)
             };
             let pressure = Signal {
                 level: sampler.between(1e4, 3e5),
@@ -154,26 +173,9 @@ fn draw_conditions(
             if greased.contains(&index) {
                 greased_s = start_s - sampler.between(60.0, 600.0);
             }
-            let extras = extras.iter().map(|&extra| {
-                let (least, most) = extra.range();
-                let level = sampler.between(least, most);
-                let small = 0.02 * (most - least);
-                let signal = match extra {
-                    Extra::LubricantAge => Signal {
-                        level: (start_s - greased_s) / 3600.0,
-                        per_s: 1.0 / 3600.0,
-                        ..Signal::default()
-                    },
-                    Extra::CableTension => Signal { level, ..swing(sampler, 0.1 * (most - least)) },
-                    _ => Signal {
-                        level,
-                        per_s: sampler.between(-small, small) / size.seconds,
-                        ..Signal::default()
-                    },
-                };
-                (extra, signal)
-            });
-            let extras = extras.collect();
+            let age_s = start_s - greased_s;
+            let draw = |&extra: &Extra| (extra, draw_extra(sampler, extra, age_s, size.seconds));
+            let extras = extras.iter().map(draw).collect();
             let condition = Condition { start_s, force, pressure, temperature, load, extras };
             start_s += size.seconds + sampler.log_between(120.0, 3600.0);
             condition
@@ -358,10 +360,17 @@ impl Setting {
     fn path(&self, joint: &Joint, run: &PlannedRun) -> Trajectory {
         let longest_s = MAX_STEP_S.min(joint.longest_step_s(run.motion.peak(self.seconds)));
         let times: Vec<f64> = run.times.iter().map(|t| t - joint.delay_s).collect();
-        Trajectory::new(&run.motion, run.start_angle, &times, longest_s, self.finer)
+        let division = Division {
+            start_s: times.first().copied().unwrap_or_default(),
+            longest_part_s: f64::INFINITY,
+            steps: |part: &Part| {
+                (part.seconds / longest_s).ceil().max(MIN_STEPS_PER_ROW) * self.finer
+            },
+        };
+        Trajectory::new(&run.motion, run.start_angle, &times, &division)
     }
 
-    /// Returns the true torque of each row of a run, Nm. Its integration points are not kept.
+    /// Returns the true torque of each row of a run, Nm. The joint is cold at its start. Its integration points are not kept.
     pub fn torque_of_run(&self, joint: &Joint, run: &PlannedRun) -> Vec<f64> {
         torque(joint, run, &self.path(joint, run), &mut 0.0)
     }

@@ -9,7 +9,7 @@
 use crate::joint_plant::load::{JUMP_FROM_RAD, LIFT_FROM_RAD};
 use crate::joint_plant::parameters::PHASE_RAD;
 use crate::joint_plant::{JointPlant, Load, Parameters};
-use crate::log::{Log, LoggedRun};
+use crate::log::{JOINT_COLUMNS, Log, LoggedRun};
 use crate::simulation::{Request, Simulated, Simulation, SimulationError};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -28,18 +28,6 @@ const MAX_CURRENT_A: f64 = 26.0;
 const PAUSE_S: f64 = 60.0;
 /// Maximum number of rows of all runs.
 const MAX_ROWS: f64 = 2e7;
-
-/// Columns of the log of a pool test.
-const COLUMNS: [&str; 8] = [
-    "time_s",
-    "velocity_rad_s",
-    "torque_nm",
-    "position_rad",
-    "radial_force_n",
-    "pressure_diff_pa",
-    "temperature_c",
-    "load_torque_nm",
-];
 
 /// Pool test: 65 to 95 rpm with a propeller.
 pub const VELOCITY_TRACKING: Simulation = Simulation {
@@ -113,14 +101,16 @@ impl Test {
             return Err(SimulationError::TooManyRows { most: MAX_ROWS });
         }
         let p = Parameters::default();
-        let noise_a = request.noise_nm.unwrap_or(p.current_noise_a);
+        let nominal_nm_per_a = p.motor_torque_constant_nm_per_a * p.gear_ratio;
+        let noise_a =
+            request.noise_nm.map_or(p.current_noise_a, |noise_nm| noise_nm / nominal_nm_per_a);
         let runs = (0..runs).map(|run| {
             let seed = request.seed.wrapping_mul(1000).wrapping_add(run as u64);
             let start_s = run as f64 * (seconds + PAUSE_S);
             let columns = self.run(&p, seed, start_s, seconds, every as usize, noise_a);
             LoggedRun { name: run.to_string(), columns }
         });
-        let log = Log { columns: COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() };
+        let log = Log { columns: JOINT_COLUMNS.map(str::to_owned).to_vec(), runs: runs.collect() };
         let truth = p.truth(self.scenario, request.seed);
         Ok(Simulated { log, truth, hidden: Vec::new() })
     }
@@ -143,7 +133,7 @@ impl Test {
         let inertia = plant.inertia_kg_m2();
         let gain = inertia * TAU * VELOCITY_HZ;
         let mut integral = 0.0;
-        let mut columns = vec![Vec::new(); COLUMNS.len()];
+        let mut columns = vec![Vec::new(); JOINT_COLUMNS.len()];
         for step in 0..(seconds / LOOP_S) as usize {
             let t = step as f64 * LOOP_S;
             let reference = (self.velocity)(t);

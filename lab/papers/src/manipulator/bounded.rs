@@ -98,11 +98,7 @@ pub fn search(
     let mut point = within(from);
     let mut normal = at(&point);
     let (mut damping, mut growth, mut evaluations, mut converged) = (1e-3, 2.0, 1, false);
-    // Without scaling the damping is relative to the largest curvature.
     let largest = (0..count).map(|i| normal.matrix[(i, i)]).fold(f64::MIN_POSITIVE, f64::max);
-    let scale = |normal: &NormalEquations, i: usize| {
-        if how.scaled { normal.matrix[(i, i)].max(1e-9 * largest) } else { largest }
-    };
     while evaluations < how.steps && damping < MAX_DAMPING {
         let outward = |i: usize| {
             let (least, most) = bounds[i];
@@ -110,17 +106,16 @@ pub fn search(
             point[i] <= least && downhill < 0.0 || point[i] >= most && downhill > 0.0
         };
         let free: Vec<usize> = (0..count).filter(|i| !outward(*i)).collect();
-        let matrix = DMatrix::from_fn(free.len(), free.len(), |i, j| {
-            let entry = normal.matrix[(free[i], free[j])];
-            if i == j { entry + damping * scale(&normal, free[i]) } else { entry }
-        });
-        let slope = DVector::from_fn(free.len(), |i, _| -normal.slope[free[i]]);
-        let Some(factor) = matrix.cholesky() else {
+        // Without scaling the damping is relative to the largest curvature.
+        let added = |i: usize| {
+            let curvature = normal.matrix[(i, i)].max(1e-9 * largest);
+            damping * if how.scaled { curvature } else { largest }
+        };
+        let Some(step) = damped_step(&normal, &free, added) else {
             damping *= growth;
             growth *= 2.0;
             continue;
         };
-        let step = factor.solve(&slope);
         let mut next = point.clone();
         free.iter().zip(step.iter()).for_each(|(i, by)| next[*i] += by);
         let next = within(&next);
@@ -151,6 +146,21 @@ pub fn search(
         }
     }
     SearchResult { point, normal, evaluations, converged }
+}
+
+/// Returns the step of the free coordinates with the damping that is added to the curvature of each; `None` if the matrix is not
+/// positive definite.
+fn damped_step(
+    normal: &NormalEquations,
+    free: &[usize],
+    added: impl Fn(usize) -> f64,
+) -> Option<DVector<f64>> {
+    let matrix = DMatrix::from_fn(free.len(), free.len(), |i, j| {
+        let entry = normal.matrix[(free[i], free[j])];
+        if i == j { entry + added(free[i]) } else { entry }
+    });
+    let slope = DVector::from_fn(free.len(), |i, _| -normal.slope[free[i]]);
+    Some(matrix.cholesky()?.solve(&slope))
 }
 
 #[cfg(test)]

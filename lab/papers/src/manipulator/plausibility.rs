@@ -28,34 +28,47 @@ pub enum ValuePosition {
 /// Relative distance within which a value counts as at its start or bound.
 const POSITION_TOLERANCE: f64 = 0.01;
 
-/// Classifies a value by its start and bounds.
-pub fn classify(value: f64, start: f64, (least, most): (f64, f64)) -> ValuePosition {
-    let near = |to: f64| (value - to).abs() <= POSITION_TOLERANCE * to.abs();
-    if near(least) || near(most) || value == least {
-        ValuePosition::AtBound
-    } else if value < least || value > most {
-        ValuePosition::Outside
-    } else if near(start) {
-        ValuePosition::AtStart
-    } else {
-        ValuePosition::Inside
+/// A value of a search, in the unit of its coefficient.
+#[derive(Clone, Debug)]
+pub struct SearchedValue {
+    /// Name in a sentence.
+    pub name: String,
+    /// The value.
+    pub value: f64,
+    /// Start of the search; `None` if it had several.
+    pub start: Option<f64>,
+    /// Lower and upper bound.
+    pub bounds: (f64, f64),
+}
+
+impl SearchedValue {
+    /// Returns the position of the value.
+    pub fn position(&self) -> ValuePosition {
+        let Self { value, start, bounds: (least, most), .. } = *self;
+        let near = |to: f64| (value - to).abs() <= POSITION_TOLERANCE * to.abs();
+        if near(least) || near(most) || value == least {
+            ValuePosition::AtBound
+        } else if value < least || value > most {
+            ValuePosition::Outside
+        } else if start.is_some_and(near) {
+            ValuePosition::AtStart
+        } else {
+            ValuePosition::Inside
+        }
     }
 }
 
 /// Lists the values, by name, that are at their start, at a bound, or outside the bounds.
-pub fn check_values<'a>(
-    whose: &str,
-    values: impl Iterator<Item = (String, f64, f64, (f64, f64))> + 'a,
-) -> Vec<String> {
+pub fn check_values(whose: &str, values: impl Iterator<Item = SearchedValue>) -> Vec<String> {
     let mut found: [Vec<String>; 3] = Default::default();
-    for (name, value, start, bounds) in values {
-        let place = match classify(value, start, bounds) {
+    for searched in values {
+        let place = match searched.position() {
             ValuePosition::Inside => continue,
             ValuePosition::AtStart => 0,
             ValuePosition::AtBound => 1,
             ValuePosition::Outside => 2,
         };
-        found[place].push(format!("{name} = {}", significant(value, 3)));
+        found[place].push(format!("{} = {}", searched.name, significant(searched.value, 3)));
     }
     let words = ["at its start", "at its bound", "beyond the bounds stated for it"];
     let reported = found.iter().zip(words).filter(|(names, _)| !names.is_empty());
@@ -67,7 +80,8 @@ pub fn check_printed(model: &PrintedModel) -> Vec<String> {
     let each = model.coefficients.iter().flat_map(|of| {
         (0..3).map(|joint| {
             let name = format!("{} (joint {})", of.symbol, joint + 1);
-            (name, of.values[joint], PRINTED_START, PRINTED_BOUNDS)
+            let (start, bounds) = (Some(PRINTED_START), PRINTED_BOUNDS);
+            SearchedValue { name, value: of.values[joint], start, bounds }
         })
     });
     check_values(&format!("{} as printed", model.name), each)
@@ -112,9 +126,17 @@ pub fn check_bristle(
 /// Highest speed at which a law is checked for driving, rad/s: that of the arm.
 pub const MAX_CHECKED_SPEED_RAD_S: f64 = 1.0;
 
-/// Returns the speed up to [`MAX_CHECKED_SPEED_RAD_S`] at which a static law supplies most power, and that power, W; `None` if it
-/// always dissipates.
-pub fn max_driving_power(parameters: &Parameters<f64>) -> Option<(f64, f64)> {
+/// Power that a law supplies instead of dissipating it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DrivingPower {
+    /// Speed at which it supplies most, rad/s.
+    pub speed_rad_s: f64,
+    /// The power there, W.
+    pub power_w: f64,
+}
+
+/// Returns the most power that a static law supplies up to [`MAX_CHECKED_SPEED_RAD_S`]; `None` if it always dissipates.
+pub fn max_driving_power(parameters: &Parameters<f64>) -> Option<DrivingPower> {
     let model: BuiltModel<f64> = parameters.build_unchecked(1e-3);
     let power = |velocity: f64| {
         let sample = Sample { velocity_rad_s: velocity, ..Sample::default() };
@@ -124,8 +146,9 @@ pub fn max_driving_power(parameters: &Parameters<f64>) -> Option<(f64, f64)> {
         let speed = f64::from(i) / 200.0 * MAX_CHECKED_SPEED_RAD_S;
         [speed, -speed]
     });
-    let least = speeds.map(|v| (v, power(v))).min_by(|a, b| a.1.total_cmp(&b.1))?;
-    (least.1 < 0.0).then_some((least.0, -least.1))
+    let all = speeds.map(|speed_rad_s| DrivingPower { speed_rad_s, power_w: -power(speed_rad_s) });
+    let most = all.min_by(|a, b| b.power_w.total_cmp(&a.power_w))?;
+    (most.power_w > 0.0).then_some(most)
 }
 
 /// Exponents of newton, metre and second; an angle has no dimension.
@@ -196,7 +219,14 @@ mod tests {
 
     #[test]
     fn position_of_value_depends_on_start_and_bounds() {
-        let at = |value| classify(value, 0.1, (0.001, 10.0));
+        let searched = |value, start| SearchedValue {
+            name: String::new(),
+            value,
+            start,
+            bounds: (0.001, 10.0),
+        };
+        let at = |value| searched(value, Some(0.1)).position();
+        assert_eq!(searched(0.1, None).position(), ValuePosition::Inside);
         assert_eq!(at(0.0999), ValuePosition::AtStart);
         assert_eq!(at(0.001), ValuePosition::AtBound);
         assert_eq!(at(9.999), ValuePosition::AtBound);
@@ -221,9 +251,8 @@ mod tests {
             .with(Id::QuadraticFriction, 1.0);
         assert_eq!(max_driving_power(&law), None);
         law.choices.printed_extended = true;
-        let (speed, power) =
-            max_driving_power(&law).expect("0.1 - v below 0 beyond 0.1 rad/s backwards");
-        assert!((speed + 1.0).abs() < 1e-9 && (power - 0.9).abs() < 1e-9);
+        let most = max_driving_power(&law).expect("0.1 - v below 0 beyond 0.1 rad/s backwards");
+        assert!((most.speed_rad_s + 1.0).abs() < 1e-9 && (most.power_w - 0.9).abs() < 1e-9);
     }
 
     #[test]

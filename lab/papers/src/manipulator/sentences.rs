@@ -3,7 +3,7 @@
 use super::arm::JOINTS;
 use super::fit::{Coordinate, Course, PRINTED_BOUNDS, PRINTED_START, printed_free, proper_free};
 use super::measured::{HELD_OUT, RobotAxis};
-use super::plausibility;
+use super::plausibility::{self, DrivingPower, SearchedValue};
 use super::printed::{MODELS, SAMPLES};
 use super::study::{ARM, EvaluatedFit, ModelStudy, TorqueStudy, printed_base};
 use crate::Goal;
@@ -23,12 +23,35 @@ fn ranking_text(errors: &[f64]) -> String {
     rank(errors).iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// Counts the pairs of models in the same order in both lists of errors, and all pairs.
-fn count_pairs_in_same_order(ours: &[f64], theirs: &[f64]) -> [usize; 2] {
-    let all = (0..ours.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
-    all.fold([0, 0], |[same_order, of], (i, j)| {
-        [same_order + usize::from((ours[i] < ours[j]) == (theirs[i] < theirs[j])), of + 1]
-    })
+/// Pairs of models, and how many of them two lists of errors put in the same order.
+#[derive(Clone, Copy, Default)]
+struct ModelPairs {
+    same_order: usize,
+    all: usize,
+}
+
+impl ModelPairs {
+    /// Adds the pairs of two lists of errors of the same models.
+    fn add(&mut self, ours: &[f64], theirs: &[f64]) {
+        for (i, j) in (0..ours.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            self.same_order += usize::from((ours[i] < ours[j]) == (theirs[i] < theirs[j]));
+            self.all += 1;
+        }
+    }
+
+    /// Compares the errors by the printed protocol with the printed ones, on all joints.
+    fn as_in_print(studies: &[ModelStudy]) -> Self {
+        let mut pairs = Self::default();
+        (0..JOINTS).for_each(|joint| {
+            pairs.add(&errors(studies, PRINTED, 0, joint), &printed_errors(joint));
+        });
+        pairs
+    }
+}
+
+/// Returns the printed errors of the models on a joint, deg.
+fn printed_errors(joint: usize) -> Vec<f64> {
+    MODELS.iter().map(|model| model.rmse_deg[joint]).collect()
 }
 
 type Way = fn(&ModelStudy) -> &EvaluatedFit;
@@ -84,37 +107,15 @@ pub fn goals(
     torques: &[Vec<TorqueStudy>],
     measured: &[Option<RobotAxis>],
 ) -> Vec<Goal> {
-    let theirs =
-        |joint: usize| MODELS.iter().map(|model| model.rmse_deg[joint]).collect::<Vec<_>>();
-    let pairs = (0..JOINTS).map(|joint| {
-        count_pairs_in_same_order(&errors(studies, PRINTED, 0, joint), &theirs(joint))
-    });
-    let [same_order, of] = pairs.fold([0, 0], |sum, pair| [sum[0] + pair[0], sum[1] + pair[1]]);
-    let (mut apart, mut below) = (0.0f64, [f64::INFINITY, 0.0f64]);
-    for joint in 0..JOINTS {
-        let (ours, printed) = (errors(studies, PRINTED, 0, joint), theirs(joint));
-        let ends = |all: &[f64]| [rank(all)[0], rank(all)[all.len() - 1]].map(|at| all[at]);
-        let [least, most] = ends(&ours);
-        apart = apart.max(most / least);
-        for (ours, printed) in ours.iter().zip(&printed) {
-            below = [below[0].min(printed / ours), below[1].max(printed / ours)];
-        }
-    }
+    let pairs = ModelPairs::as_in_print(studies);
     let mut goals = vec![
         Goal::at_least(
             "with the printed start and bounds: pairs of models that stand as in print",
             "",
-            same_order as f64,
-            of as f64,
+            pairs.same_order as f64,
+            pairs.all as f64,
         )
-        .remark(format!(
-            "The friction in our arm's joints is our choice, and that of the paper is unknown. The four models' errors here lie within \
-             a factor of {} of each other on every joint, and are {} to {} times below the printed: what separates the models in print is \
-             not friction alone. Whether the order belongs to the arm or to one campaign is stated below, on further campaigns.",
-            significant(apart, 2),
-            significant(below[0], 2),
-            significant(below[1], 2),
-        )),
+        .remark(order_remark(studies)),
     ];
     let Some(lugre) = studies.iter().position(|study| study.model.law.has_bristles()) else {
         return goals;
@@ -145,6 +146,28 @@ pub fn goals(
     goals
 }
 
+/// States how far the models' errors are from each other and from the printed ones.
+fn order_remark(studies: &[ModelStudy]) -> String {
+    let (mut apart, mut least_below, mut most_below) = (0.0f64, f64::INFINITY, 0.0f64);
+    for joint in 0..JOINTS {
+        let ours = errors(studies, PRINTED, 0, joint);
+        let order = rank(&ours);
+        apart = apart.max(ours[order[ours.len() - 1]] / ours[order[0]]);
+        for (ours, printed) in ours.iter().zip(printed_errors(joint)) {
+            least_below = least_below.min(printed / ours);
+            most_below = most_below.max(printed / ours);
+        }
+    }
+    format!(
+        "The friction in our arm's joints is our choice, and that of the paper is unknown. The four models' errors here lie within \
+         a factor of {} of each other on every joint, and are {} to {} times below the printed: what separates the models in print is \
+         not friction alone. Whether the order belongs to the arm or to one campaign is stated below, on further campaigns.",
+        significant(apart, 2),
+        significant(least_below, 2),
+        significant(most_below, 2),
+    )
+}
+
 /// Goals of the measured arm; `lugre` is the index of LuGre.
 fn measured_goals(measured: &[Option<RobotAxis>], lugre: usize) -> [Goal; 2] {
     let axes: Vec<&RobotAxis> = measured.iter().flatten().collect();
@@ -170,30 +193,23 @@ fn measured_goals(measured: &[Option<RobotAxis>], lugre: usize) -> [Goal; 2] {
 
 /// Compares the printed order of the models with ours.
 fn orders(studies: &[ModelStudy]) -> String {
-    let theirs =
-        |joint: usize| MODELS.iter().map(|model| model.rmse_deg[joint]).collect::<Vec<_>>();
-    let mut sum = [0, 0];
     let joints = by_joint(|joint| {
         let ours = errors(studies, PRINTED, 0, joint);
-        format!("{} deg (printed {})", ranking_text(&ours), ranking_text(&theirs(joint)))
+        format!("{} deg (printed {})", ranking_text(&ours), ranking_text(&printed_errors(joint)))
     });
-    for joint in 0..JOINTS {
-        let [same_order, of] =
-            count_pairs_in_same_order(&errors(studies, PRINTED, 0, joint), &theirs(joint));
-        sum = [sum[0] + same_order, sum[1] + of];
-    }
-    let [same_order, of] = sum;
-    let verdict = if same_order == of {
+    let ModelPairs { same_order, all } = ModelPairs::as_in_print(studies);
+    let verdict = if same_order == all {
         "is reproduced".to_owned()
     } else {
         format!(
-            "is not fully reproduced: {same_order} of {of} pairs of models stand as in print, chance gives {}",
-            of / 2
+            "is not fully reproduced: {same_order} of {all} pairs of models stand as in print, chance gives {}",
+            all / 2
         )
     };
     let same_worst: Vec<String> = (0..JOINTS)
         .filter(|joint| {
-            rank(&errors(studies, PRINTED, 0, *joint)).last() == rank(&theirs(*joint)).last()
+            let ours = errors(studies, PRINTED, 0, *joint);
+            rank(&ours).last() == rank(&printed_errors(*joint)).last()
         })
         .map(|joint| (joint + 1).to_string())
         .collect();
@@ -208,25 +224,23 @@ fn orders(studies: &[ModelStudy]) -> String {
 
 /// States whether the order by the printed protocol is the same in other campaigns.
 fn repeated(studies: &[ModelStudy], repeats: &[Vec<[f64; JOINTS]>]) -> Option<String> {
-    let mut sum = [0, 0];
+    let mut pairs = ModelPairs::default();
     for joint in 0..JOINTS {
         let first = errors(studies, PRINTED, 0, joint);
         for campaign in repeats {
-            let theirs: Vec<f64> = campaign.iter().map(|of| of[joint]).collect();
-            let [same_order, of] = count_pairs_in_same_order(&first, &theirs);
-            sum = [sum[0] + same_order, sum[1] + of];
+            pairs.add(&first, &campaign.iter().map(|model| model[joint]).collect::<Vec<f64>>());
         }
     }
-    let [same_order, of] = sum;
-    let meaning = if same_order == of {
+    let ModelPairs { same_order, all } = pairs;
+    let meaning = if same_order == all {
         "the order belongs to the arm"
     } else {
         "the order depends on the campaign as well as on the models"
     };
-    (of > 0).then(|| {
+    (all > 0).then(|| {
         format!(
             "the same arm in {} more campaign(s) (other noise, valves and levels within some percent), by the printed protocol: \
-             {same_order} of {of} pairs of models stand as in the first; {meaning}",
+             {same_order} of {all} pairs of models stand as in the first; {meaning}",
             repeats.len()
         )
     })
@@ -268,56 +282,64 @@ fn lugre_sentences(
     let mut sentences = vec![format!(
         "done properly (scaled, several starts, an offset in each), on unseen courses: {held_out}"
     )];
-    let mut is_last = false;
-    for joint in 0..JOINTS {
-        let last_on: Vec<String> = (0..courses.len())
-            .filter(|course| rank(&errors(studies, PROPER, *course, joint)).last() == Some(&lugre))
-            .map(|course| {
-                let all = errors(studies, PROPER, course, joint);
-                format!(
-                    "the {} ({} deg; {} {})",
-                    courses[course].name,
-                    significant(all[lugre], 3),
-                    MODELS[rank(&all)[0]].name,
-                    significant(all[rank(&all)[0]], 3)
-                )
-            })
-            .collect();
-        if last_on.is_empty() {
-            continue;
-        }
-        is_last = true;
-        let by_torque: Vec<f64> =
-            torques.iter().map(|joints| joints[joint].proper.test.rmse).collect();
-        let stiffness =
-            |parameters: &Parameters<f64>| significant(parameters.get(Id::BristleStiffness), 3);
-        let lugre_error = |way: Way| significant(held_out_errors(studies, way, joint)[lugre], 3);
-        let [by_angles, by_torques] =
-            [PROPER, BY_TORQUES].map(|way| held_out_errors(studies, way, joint)[lugre]);
-        let why = if by_torques < by_angles {
-            "one course of angles does not determine its bristle"
-        } else {
-            "neither the values from angles nor those from torques follow it on unseen courses"
-        };
-        sentences.push(format!(
-            "joint {}: LuGre done properly is last on {}: {why}. The fit gave {} Nm/rad, the \
-             joint's torques give {} and rank LuGre {} of {} on unseen runs ({}). With the torques' values the arm is {} deg off on \
-             unseen courses instead of {}",
-            joint + 1,
-            last_on.join(" and "),
-            stiffness(&studies[lugre].proper.fitted.parameters[joint]),
-            stiffness(&torques[lugre][joint].proper.parameters),
-            rank(&by_torque).iter().position(|model| *model == lugre).map_or(0, |place| place + 1),
-            studies.len(),
-            ranking_text(&by_torque) + " Nm",
-            lugre_error(BY_TORQUES),
-            lugre_error(PROPER),
-        ));
-    }
-    if !is_last {
+    let last =
+        (0..JOINTS).filter_map(|joint| last_sentence(studies, courses, torques, lugre, joint));
+    sentences.extend(last);
+    if sentences.len() == 1 {
         sentences.push("done properly, LuGre is last on no joint, on no course".into());
     }
     sentences
+}
+
+/// States on which courses LuGre is last on a joint, and why; `None` if it is last on none. `lugre` is its index.
+fn last_sentence(
+    studies: &[ModelStudy],
+    courses: &[Course],
+    torques: &[Vec<TorqueStudy>],
+    lugre: usize,
+    joint: usize,
+) -> Option<String> {
+    let last_on: Vec<String> = (0..courses.len())
+        .filter(|course| rank(&errors(studies, PROPER, *course, joint)).last() == Some(&lugre))
+        .map(|course| {
+            let all = errors(studies, PROPER, course, joint);
+            format!(
+                "the {} ({} deg; {} {})",
+                courses[course].name,
+                significant(all[lugre], 3),
+                MODELS[rank(&all)[0]].name,
+                significant(all[rank(&all)[0]], 3)
+            )
+        })
+        .collect();
+    if last_on.is_empty() {
+        return None;
+    }
+    let by_torque: Vec<f64> = torques.iter().map(|joints| joints[joint].proper.test.rmse).collect();
+    let stiffness =
+        |parameters: &Parameters<f64>| significant(parameters.get(Id::BristleStiffness), 3);
+    let lugre_error = |way: Way| significant(held_out_errors(studies, way, joint)[lugre], 3);
+    let [by_angles, by_torques] =
+        [PROPER, BY_TORQUES].map(|way| held_out_errors(studies, way, joint)[lugre]);
+    let why = if by_torques < by_angles {
+        "one course of angles does not determine its bristle"
+    } else {
+        "neither the values from angles nor those from torques follow it on unseen courses"
+    };
+    Some(format!(
+        "joint {}: LuGre done properly is last on {}: {why}. The fit gave {} Nm/rad, the \
+         joint's torques give {} and rank LuGre {} of {} on unseen runs ({}). With the torques' values the arm is {} deg off on \
+         unseen courses instead of {}",
+        joint + 1,
+        last_on.join(" and "),
+        stiffness(&studies[lugre].proper.fitted.parameters[joint]),
+        stiffness(&torques[lugre][joint].proper.parameters),
+        rank(&by_torque).iter().position(|model| *model == lugre).map_or(0, |place| place + 1),
+        studies.len(),
+        ranking_text(&by_torque) + " Nm",
+        lugre_error(BY_TORQUES),
+        lugre_error(PROPER),
+    ))
 }
 
 /// Returns the range of a joint's angle in a run, rad.
@@ -330,9 +352,9 @@ fn travel(course: &Course, joint: usize) -> f64 {
 pub fn fit_checks(studies: &[ModelStudy], courses: &[Course]) -> Vec<String> {
     let mut sentences = Vec::new();
     for study in studies {
-        for (way, evaluated, free) in [
-            ("as printed", &study.printed, printed_free(study.model.law)),
-            ("properly", &study.proper, proper_free(study.model.law)),
+        for (way, has_one_start, evaluated, free) in [
+            ("as printed", true, &study.printed, printed_free(study.model.law)),
+            ("properly", false, &study.proper, proper_free(study.model.law)),
         ] {
             let whose = format!("{}, ours fitted {way}", study.model.name);
             let symbol = |id: Option<Id>| {
@@ -340,13 +362,14 @@ pub fn fit_checks(studies: &[ModelStudy], courses: &[Course]) -> Vec<String> {
                 coefficient.map_or("f_0", |of| of.symbol)
             };
             let fitted = &evaluated.fitted;
-            // A proper fit has several starts, so that only bounds are checked.
-            let start =
-                |index: usize| if way == "as printed" { fitted.start[index] } else { f64::NAN };
             let values = free.iter().enumerate().map(|(index, free)| {
                 let ratio = if free.axis == Coordinate::TimesCoulomb { "/F_C" } else { "" };
-                let name = format!("{}{ratio} (joint {})", symbol(free.id), free.joint + 1);
-                (name, fitted.values[index], start(index), free.bounds)
+                SearchedValue {
+                    name: format!("{}{ratio} (joint {})", symbol(free.id), free.joint + 1),
+                    value: fitted.values[index],
+                    start: has_one_start.then(|| fitted.start[index]),
+                    bounds: free.bounds,
+                }
             });
             sentences.extend(plausibility::check_values(&whose, values));
             if !fitted.converged {
@@ -373,8 +396,8 @@ pub fn fit_checks(studies: &[ModelStudy], courses: &[Course]) -> Vec<String> {
 }
 
 fn driving_sentence(whose: &str, parameters: &Parameters<f64>) -> Option<String> {
-    plausibility::max_driving_power(parameters).map(|(speed, power)| {
-        let [speed, power] = [speed, power].map(|number| significant(number, 2));
+    plausibility::max_driving_power(parameters).map(|DrivingPower { speed_rad_s, power_w }| {
+        let [speed, power] = [speed_rad_s, power_w].map(|number| significant(number, 2));
         format!(
             "{whose}: the law drives instead of braking: it supplies {power} W at {speed} rad/s"
         )
@@ -429,8 +452,11 @@ pub fn measured_sentences(axes: &[Option<RobotAxis>]) -> Vec<String> {
             .zip(&MODELS)
             .flat_map(|(study, model)| {
                 let parameters = &study.printed.parameters;
-                let values = model.law.parameters().iter().map(|id| {
-                    (id.name().to_owned(), parameters.get(*id), PRINTED_START, PRINTED_BOUNDS)
+                let values = model.law.parameters().iter().map(|id| SearchedValue {
+                    name: id.name().to_owned(),
+                    value: parameters.get(*id),
+                    start: Some(PRINTED_START),
+                    bounds: PRINTED_BOUNDS,
                 });
                 plausibility::check_values(model.name, values)
             })

@@ -60,6 +60,16 @@ pub fn errors(arm: &Outcome, held_out: &Dataset) -> [Spread; 3] {
     })
 }
 
+/// Returns the index of the kind of a run in [`KINDS`].
+///
+/// # Panics
+/// Panics if the run is none of the eight kinds.
+fn kind_of(name: &str) -> usize {
+    let number = name.strip_prefix('k').and_then(|rest| rest.split('.').next()?.parse().ok());
+    let kind = number.filter(|number| (1..=KINDS.len()).contains(number));
+    kind.unwrap_or_else(|| panic!("run {name}: expected k1.N to k{}.N", KINDS.len())) - 1
+}
+
 /// Returns the mean curves of all kinds over the selected repeats.
 pub fn curves(
     arm: &Outcome,
@@ -69,13 +79,11 @@ pub fn curves(
 ) -> Vec<Curves> {
     let predicted = predict(&arm.parameters, Rows { tracks, decimate: 1 }, arm.resolution);
     let mut all: Vec<Curves> =
-        KINDS.iter().map(|kind| Curves { rpm: kind.0, ..Curves::default() }).collect();
+        KINDS.iter().map(|kind| Curves { rpm: kind.rpm, ..Curves::default() }).collect();
     let mut runs = [0usize; KINDS.len()];
     let mut seen = [0usize; KINDS.len()];
     for (track, torque) in tracks.iter().zip(&predicted.torque) {
-        let name = data.runs[track.run].name.trim_start_matches('k');
-        let kind = name.split('.').next().and_then(|kind| kind.parse::<usize>().ok());
-        let Some(kind) = kind.and_then(|kind| kind.checked_sub(1)) else { continue };
+        let kind = kind_of(&data.runs[track.run].name);
         let repeat = seen[kind];
         seen[kind] += 1;
         if !counts(repeat) {

@@ -60,6 +60,14 @@ pub fn transfer_sentence(study: &JointStudy) -> Option<String> {
 
 /// States which circumstances did harm.
 pub fn harm(study: &JointStudy) -> Vec<String> {
+    let mut lines = vec![broken_requirements(study)];
+    lines.extend(perfect_comparison(study));
+    lines.push(over_compensation(study));
+    lines
+}
+
+/// States how many circumstances break a requirement, and which.
+fn broken_requirements(study: &JointStudy) -> String {
     let names = |of: Vec<&Circumstance>| {
         of.iter().map(|of| of.name.as_str()).collect::<Vec<_>>().join(", ")
     };
@@ -93,14 +101,18 @@ pub fn harm(study: &JointStudy) -> Vec<String> {
             Some(format!("{} {} ({})", task.title(), significant(tracking_ratio, 3), of.name))
         })
         .collect();
-    let mut lines = vec![format!(
+    format!(
         "Harm, checked in all three tasks and while holding 2 kg: of {} circumstances {} break a requirement (tracking at most 5 % worse than without \
          compensation, no limit cycle while holding, current within its limit){colon}{}; {refused} sets were rejected by the driver. Largest error over that without: {}.",
         study.harm.len(),
         harmful.len(),
         broken.join(", "),
         worst.join(", ")
-    )];
+    )
+}
+
+/// Compares the model as identified with the perfect one; `None` if one of them was rejected.
+fn perfect_comparison(study: &JointStudy) -> Option<String> {
     let ratios = |name: &str| {
         let tracking_ratio = study.harm.iter().find(|of| of.name == name)?.tracking_ratio?;
         Some(tracking_ratio.map(|tracking_ratio| significant(tracking_ratio, 3)).join(", "))
@@ -110,12 +122,15 @@ pub fn harm(study: &JointStudy) -> Vec<String> {
         found.and_then(|of| of.jump_position_ratio).map_or("-".into(), |of| significant(of, 3))
     };
     let position = format!("{} and {}", position(AS_IDENTIFIED), position(PERFECT));
-    if let (Some(ours), Some(perfect)) = (ratios(AS_IDENTIFIED), ratios(PERFECT)) {
-        lines.push(format!(
-            "Error over that without compensation (lifting, sine, jump): {ours} as identified, {perfect} with the perfect model. What is worse with ours and not with \
-             the perfect one is due to our model. The jump by position: {position}."
-        ));
-    }
+    let (ours, perfect) = (ratios(AS_IDENTIFIED)?, ratios(PERFECT)?);
+    Some(format!(
+        "Error over that without compensation (lifting, sine, jump): {ours} as identified, {perfect} with the perfect model. What is worse with ours and not with \
+         the perfect one is due to our model. The jump by position: {position}."
+    ))
+}
+
+/// States how often the driver detects a model with more friction than the seal.
+fn over_compensation(study: &JointStudy) -> String {
     let over: Vec<&Circumstance> =
         study.harm.iter().filter(|of| of.over_compensates && of.tracking_ratio.is_some()).collect();
     let reported = over.iter().filter_map(|of| {
@@ -123,7 +138,7 @@ pub fn harm(study: &JointStudy) -> Vec<String> {
     });
     let reported: Vec<String> = reported.collect();
     let sound = study.harm.first().is_some_and(|of| of.reported_s.is_none());
-    lines.push(format!(
+    format!(
         "The driver itself detects over-compensation in {} of {} models with more friction than the seal, within {} s of sliding{}{}; for the model as identified it reports {}.",
         reported.len(),
         over.len(),
@@ -131,8 +146,7 @@ pub fn harm(study: &JointStudy) -> Vec<String> {
         if reported.is_empty() { "" } else { ": " },
         reported.join(", "),
         if sound { "nothing" } else { "the same" }
-    ));
-    lines
+    )
 }
 
 /// Goals of harm and of the watch.

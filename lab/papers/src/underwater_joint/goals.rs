@@ -186,34 +186,7 @@ pub fn summary(study: &JointStudy, goals: &[ReductionGoal]) -> Vec<String> {
                 .into(),
         );
     }
-    let closed_loop: Vec<&ReductionGoal> =
-        goals.iter().filter(|goal| goal.over_perfect.is_some()).collect();
-    let close = closed_loop
-        .iter()
-        .filter(|goal| goal.over_perfect.is_some_and(|of| of <= PERFECT_RATIO_GOAL))
-        .count();
-    lines.push(format!(
-        "Within 20 % of the perfect model's error in {close} of {} closed-loop measures: {}.",
-        closed_loop.len(),
-        closed_loop
-            .iter()
-            .map(|goal| {
-                format!("{} {}", goal.what, significant(goal.over_perfect.unwrap_or(f64::NAN), 3))
-            })
-            .collect::<Vec<_>>()
-            .join(", ")
-    ));
-    let worse_measures: Vec<String> = closed_loop
-        .iter()
-        .filter(|goal| goal.over_none.is_some_and(|of| of > 1.0))
-        .map(|goal| goal.what.clone())
-        .collect();
-    if !worse_measures.is_empty() {
-        lines.push(format!(
-            "Worse than no compensation at all, with the diagnosed model: {}.",
-            worse_measures.join(", ")
-        ));
-    }
+    lines.extend(closed_loop_sentences(goals));
     lines.extend(overshoot(study));
     lines.extend(super::findings::certificates(study));
     let found = &study.diagnosis.findings;
@@ -233,6 +206,32 @@ pub fn summary(study: &JointStudy, goals: &[ReductionGoal]) -> Vec<String> {
         study.tasks.iter().flat_map(|(_, results)| results).map(|result| result.stopped).sum();
     if stopped > 0 {
         lines.push(format!("The driver stopped the joint by itself in {stopped} runs."));
+    }
+    lines
+}
+
+/// Compares the closed-loop measures with the perfect model and with no compensation.
+fn closed_loop_sentences(goals: &[ReductionGoal]) -> Vec<String> {
+    let closed_loop = || goals.iter().filter_map(|goal| Some((goal, goal.over_perfect?)));
+    let close = closed_loop().filter(|(_, over_perfect)| *over_perfect <= PERFECT_RATIO_GOAL);
+    let each: Vec<String> = closed_loop()
+        .map(|(goal, over_perfect)| format!("{} {}", goal.what, significant(over_perfect, 3)))
+        .collect();
+    let mut lines = vec![format!(
+        "Within 20 % of the perfect model's error in {} of {} closed-loop measures: {}.",
+        close.count(),
+        each.len(),
+        each.join(", ")
+    )];
+    let worse: Vec<&str> = closed_loop()
+        .filter(|(goal, _)| goal.over_none.is_some_and(|over_none| over_none > 1.0))
+        .map(|(goal, _)| goal.what.as_str())
+        .collect();
+    if !worse.is_empty() {
+        lines.push(format!(
+            "Worse than no compensation at all, with the diagnosed model: {}.",
+            worse.join(", ")
+        ));
     }
     lines
 }

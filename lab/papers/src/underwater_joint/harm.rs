@@ -85,6 +85,13 @@ struct HarmCase {
     over_compensates: bool,
 }
 
+impl HarmCase {
+    /// Returns a case whose model does not have more friction than the seal.
+    fn new(name: impl Into<String>, arm: DriverArm, conditions: Conditions) -> Self {
+        Self { name: name.into(), arm, conditions, over_compensates: false }
+    }
+}
+
 /// Maps an arm. The second row is the perfect model: if that is worse, too, the cause is the lower friction, otherwise the
 /// wrong model.
 ///
@@ -96,12 +103,21 @@ pub fn harm_map(
     perfect: &DriverArm,
     joint: &Conditions,
 ) -> Result<Vec<Circumstance>, PaperError> {
+    let mut cases = vec![
+        HarmCase::new(AS_IDENTIFIED, arm.clone(), *joint),
+        HarmCase::new(PERFECT, perfect.clone(), *joint),
+    ];
+    cases.extend(changed_models(arm, joint));
+    cases.extend(changed_conditions(arm, joint));
+    cases.extend(changed_levels(arm, joint));
+    // Most circumstances change the model alone, and the joint without compensation is then the same.
+    let same = Uncompensated::measure(none, joint)?;
+    cases.into_par_iter().map(|case| evaluate_case(case, none, joint, same)).collect()
+}
+
+/// Returns the cases of an arm whose model is changed in one parameter, in its envelope or in its share.
+fn changed_models(arm: &DriverArm, joint: &Conditions) -> Vec<HarmCase> {
     let mut cases = Vec::new();
-    let mut add = |name: String, arm: DriverArm, conditions: Conditions| {
-        cases.push(HarmCase { name, arm, conditions, over_compensates: false });
-    };
-    add(AS_IDENTIFIED.into(), arm.clone(), *joint);
-    add(PERFECT.into(), perfect.clone(), *joint);
     for id in arm.set.friction.model.active() {
         let value = arm.set.friction.model.get(id);
         if value == 0.0 || matches!(id, Id::TemperatureReference | Id::RippleOrder) {
@@ -111,16 +127,26 @@ pub fn harm_map(
             let mut changed = arm.clone();
             changed.set.friction.model.set(id, value * factor);
             let sign = if factor > 1.0 { '+' } else { '−' };
-            add(format!("{} {sign}30 %", id.name()), changed, *joint);
+            cases.push(HarmCase::new(format!("{} {sign}30 %", id.name()), changed, *joint));
         }
     }
     // Limits the load torque in the model to the brake of the bench.
     let mut narrow = arm.clone();
     narrow.set.friction.model.envelope.load_torque_max_nm = BRAKE_NM as f32;
-    add(format!("load torque believed to the bench's {BRAKE_NM} Nm"), narrow, *joint);
+    let name = format!("load torque believed to the bench's {BRAKE_NM} Nm");
+    cases.push(HarmCase::new(name, narrow, *joint));
     let mut full = arm.clone();
     full.set.friction.compensator.scale = 1.0;
-    add(format!("share 1 in place of {COMPENSATED_SHARE}"), full, *joint);
+    cases.push(HarmCase::new(format!("share 1 in place of {COMPENSATED_SHARE}"), full, *joint));
+    cases
+}
+
+/// Returns the cases of an arm in other conditions: faults of the sensors and of the bus, noise, and another stiffness.
+fn changed_conditions(arm: &DriverArm, joint: &Conditions) -> Vec<HarmCase> {
+    let mut cases = Vec::new();
+    let mut add = |name: String, conditions: Conditions| {
+        cases.push(HarmCase::new(name, arm.clone(), conditions));
+    };
     for (name, seal) in [
         ("side load and pressure stale", SealSensorFault::Stale),
         ("side load and pressure stuck", SealSensorFault::Stuck),
@@ -128,26 +154,31 @@ pub fn harm_map(
         ("side load and pressure absent", SealSensorFault::Absent),
     ] {
         let faults = RigFaults::seal_sensor(seal);
-        add(name.to_owned(), arm.clone(), Conditions { faults, ..*joint });
+        add(name.to_owned(), Conditions { faults, ..*joint });
     }
     for delay_ms in 1..=3 {
         let faults = RigFaults { delay_ms, ..RigFaults::default() };
-        add(format!("frames {delay_ms} ms late"), arm.clone(), Conditions { faults, ..*joint });
+        add(format!("frames {delay_ms} ms late"), Conditions { faults, ..*joint });
     }
     let faults = RigFaults { encoder_lost: 0.05, ..RigFaults::default() };
-    add("5 % of encoder readings lost".into(), arm.clone(), Conditions { faults, ..*joint });
+    add("5 % of encoder readings lost".into(), Conditions { faults, ..*joint });
     let mut noisy = *joint;
     noisy.parameters.current_noise_a *= 4.0;
     noisy.parameters.force_noise_n *= 4.0;
     noisy.parameters.pressure_noise_pa *= 4.0;
-    add("noise x4".into(), arm.clone(), noisy);
+    add("noise x4".into(), noisy);
     for factor in [0.3, 0.5, 2.0, 3.0] {
         let mut other = *joint;
         other.parameters.presliding_stiffness_nm_per_rad *= factor;
         other.parameters.gear_stiffness_nm_per_rad *= factor;
-        add(format!("plant's stiffness x{factor}"), arm.clone(), other);
+        add(format!("plant's stiffness x{factor}"), other);
     }
-    for factor in LEVEL_FACTORS {
+    cases
+}
+
+/// Returns the cases of an arm whose levels are all too low or too high.
+fn changed_levels(arm: &DriverArm, joint: &Conditions) -> Vec<HarmCase> {
+    let case = |factor: f32| {
         let mut changed = arm.clone();
         let model = &mut changed.set.friction.model;
         for id in [Id::CoulombTorque, Id::StaticTorque] {
@@ -157,11 +188,9 @@ pub fn harm_map(
         let percent = (100.0 * (factor - 1.0).abs()).round();
         let name = format!("both levels {sign}{percent} %");
         let over_compensates = factor > 1.0;
-        cases.push(HarmCase { name, arm: changed, conditions: *joint, over_compensates });
-    }
-    // Most circumstances change the model alone, and the joint without compensation is then the same.
-    let same = Uncompensated::measure(none, joint)?;
-    cases.into_par_iter().map(|case| evaluate_case(case, none, joint, same)).collect()
+        HarmCase { over_compensates, ..HarmCase::new(name, changed, *joint) }
+    };
+    LEVEL_FACTORS.into_iter().map(case).collect()
 }
 
 /// Errors of the joint without compensation.

@@ -1,9 +1,9 @@
 //! DMA1 with its request multiplexer: transfers of halfwords between memory and a register (RM0440, 12 and 13).
+//!
+//! A transfer to an address without memory is an error: it disables its channel, whose flag of an error is set.
 
 use std::ops::RangeInclusive;
 
-/// Registers of the controller, and of the multiplexer.
-pub const REGISTERS: RangeInclusive<u32> = 0x4002_0000..=0x4002_03FF;
 /// Registers of the multiplexer.
 pub const MULTIPLEXER: RangeInclusive<u32> = 0x4002_0800..=0x4002_083F;
 
@@ -12,6 +12,13 @@ const ENABLED: u32 = 1;
 const FROM_MEMORY: u32 = 1 << 4;
 const CIRCULAR: u32 = 1 << 5;
 const INCREMENTS_MEMORY: u32 = 1 << 7;
+
+/// Offsets of the interrupt flags, and of the register that clears them; flags of channel 1: any, and error.
+const ISR: u32 = 0x00;
+const IFCR: u32 = 0x04;
+const ANY_FLAG: u32 = 1;
+const ERROR_FLAG: u32 = 1 << 3;
+const FLAG_BITS: usize = 4;
 
 /// Requests (RM0440, table 91).
 pub mod request {
@@ -27,12 +34,23 @@ pub mod request {
     pub const TIM3_CH3: u32 = 63;
 }
 
+/// The chip has no memory at an address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoMemory;
+
 /// Memory of the core.
 pub trait Memory {
     /// Reads a halfword.
-    fn read_half(&mut self, address: u32) -> u16;
+    ///
+    /// # Errors
+    /// Returns an error if the chip has no memory there.
+    fn read_half(&mut self, address: u32) -> Result<u16, NoMemory>;
+
     /// Writes a halfword.
-    fn write_half(&mut self, address: u32, value: u16);
+    ///
+    /// # Errors
+    /// Returns an error if the chip has no memory there.
+    fn write_half(&mut self, address: u32, value: u16) -> Result<(), NoMemory>;
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,24 +67,36 @@ struct Channel {
 /// A transfer that a request causes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transfer {
+    channel: usize,
     /// Address in memory.
     pub memory: u32,
-    /// Address of the register.
-    pub peripheral: u32,
-    /// From memory to the register.
-    pub from_memory: bool,
+    peripheral: u32,
+    is_from_memory: bool,
+}
+
+impl Transfer {
+    /// Returns true if the transfer goes from memory to this register.
+    pub fn is_to(&self, register: u32) -> bool {
+        self.is_from_memory && self.peripheral == register
+    }
+
+    /// Returns true if the transfer goes from this register to memory.
+    pub fn is_from(&self, register: u32) -> bool {
+        !self.is_from_memory && self.peripheral == register
+    }
 }
 
 /// The controller.
 #[derive(Clone, Debug, Default)]
 pub struct Dma {
     channels: [Channel; CHANNELS],
+    flags: u32,
 }
 
 impl Dma {
     /// Returns the transfer of a request, if a channel serves it, and advances the channel.
     pub fn serve(&mut self, request: u32) -> Option<Transfer> {
-        let channel = self.channels.iter_mut().find(|channel| {
+        let (number, channel) = self.channels.iter_mut().enumerate().find(|(_, channel)| {
             channel.request == request && channel.control & ENABLED != 0 && channel.left > 0
         })?;
         let done = channel.count - channel.left;
@@ -76,10 +106,17 @@ impl Dma {
             channel.left = channel.count;
         }
         Some(Transfer {
+            channel: number,
             memory: channel.memory + step,
             peripheral: channel.peripheral,
-            from_memory: channel.control & FROM_MEMORY != 0,
+            is_from_memory: channel.control & FROM_MEMORY != 0,
         })
+    }
+
+    /// Ends a transfer that found no memory.
+    pub fn fail(&mut self, transfer: Transfer) {
+        self.channels[transfer.channel].control &= !ENABLED;
+        self.flags |= (ANY_FLAG | ERROR_FLAG) << (FLAG_BITS * transfer.channel);
     }
 
     fn channel(&mut self, address: u32) -> Option<(&mut Channel, u32)> {
@@ -99,6 +136,7 @@ impl Dma {
             Some((channel, 0x08)) => channel.peripheral,
             Some((channel, 0x0C)) => channel.memory,
             Some((channel, 0x20)) => channel.request,
+            None if address & 0x3FF == ISR => self.flags,
             _ => 0,
         }
     }
@@ -116,6 +154,7 @@ impl Dma {
             Some((channel, 0x08)) => channel.peripheral = word,
             Some((channel, 0x0C)) => channel.memory = word,
             Some((channel, 0x20)) => channel.request = word & 0x7F,
+            None if address & 0x3FF == IFCR => self.flags &= !word,
             _ => {}
         }
     }
@@ -140,5 +179,22 @@ mod tests {
             .collect();
         assert_eq!(places, [0x2000_0100, 0x2000_0102, 0x2000_0100]);
         assert_eq!(dma.read(0x4002_000C), 1);
+    }
+
+    #[test]
+    fn failed_transfer_disables_its_channel_and_sets_its_flag() {
+        let mut dma = Dma::default();
+        // Channel 2.
+        dma.write(0x4002_0804, request::SPI1_RX);
+        dma.write(0x4002_0020, 4);
+        dma.write(0x4002_0024, 0x4001_300C);
+        dma.write(0x4002_001C, ENABLED | CIRCULAR);
+        let transfer = dma.serve(request::SPI1_RX).expect("a transfer");
+        assert!(transfer.is_from(0x4001_300C) && !transfer.is_to(0x4001_300C));
+        dma.fail(transfer);
+        assert_eq!(dma.serve(request::SPI1_RX), None);
+        assert_eq!((dma.read(0x4002_001C), dma.read(0x4002_0000)), (CIRCULAR, 0x90));
+        dma.write(0x4002_0004, 0x80);
+        assert_eq!(dma.read(0x4002_0000), 0x10);
     }
 }

@@ -3,7 +3,7 @@
 //! An encoder latches its angle at a time of its own, which may be ahead of the bus. So the world is asked for the angle at that
 //! time, in seconds since the trigger of the converters, at which it was sampled last.
 
-use super::dma::{Memory, request};
+use super::dma::{Memory, NoMemory, Transfer, request};
 use super::spi::BusFrame;
 use super::{CORE_HZ, Chip, SPI1_DR, SPI3_DR};
 use crate::world::World;
@@ -18,11 +18,12 @@ impl<W: World> Chip<W> {
         memory: &mut dyn Memory,
     ) {
         if let Some(transfer) = self.dma.serve(request)
-            && transfer.from_memory
-            && transfer.peripheral == SPI1_DR
+            && transfer.is_to(SPI1_DR)
         {
-            let word = memory.read_half(transfer.memory);
-            self.exchange(word, at, latched_at);
+            match memory.read_half(transfer.memory) {
+                Ok(word) => self.exchange(word, at, latched_at),
+                Err(NoMemory) => self.dma.fail(transfer),
+            }
         }
     }
 
@@ -53,7 +54,7 @@ impl<W: World> Chip<W> {
     pub(super) fn feed_joint_bus(&mut self, at: u64) {
         while self.joint_bus.wants_word() {
             let Some(transfer) = self.dma.serve(request::SPI3_TX) else { break };
-            if !(transfer.from_memory && transfer.peripheral == SPI3_DR) {
+            if !transfer.is_to(SPI3_DR) {
                 continue;
             }
             let is_connected = self.gpio.connects(self.wiring.joint_encoder);
@@ -76,9 +77,10 @@ impl<W: World> Chip<W> {
     pub(super) fn finish_joint_word(&mut self, at: u64, memory: &mut dyn Memory) {
         if self.joint_bus.process(at)
             && let Some(transfer) = self.dma.serve(request::SPI3_RX)
+            && transfer.is_from(SPI3_DR)
         {
             let answer = self.joint_bus.read(SPI3_DR & 0x3FF, at) as u16;
-            memory.write_half(transfer.memory, answer);
+            self.store(transfer, answer, memory);
         }
         self.feed_joint_bus(at);
     }
@@ -87,9 +89,17 @@ impl<W: World> Chip<W> {
     pub(super) fn finish_frame(&mut self, at: u64, memory: &mut dyn Memory) {
         if self.spi.process(at)
             && let Some(transfer) = self.dma.serve(request::SPI1_RX)
+            && transfer.is_from(SPI1_DR)
         {
             let answer = self.spi.read(SPI1_DR & 0x3FF, at) as u16;
-            memory.write_half(transfer.memory, answer);
+            self.store(transfer, answer, memory);
+        }
+    }
+
+    /// Writes an answer to the memory of its transfer.
+    fn store(&mut self, transfer: Transfer, answer: u16, memory: &mut dyn Memory) {
+        if let Err(NoMemory) = memory.write_half(transfer.memory, answer) {
+            self.dma.fail(transfer);
         }
     }
 }

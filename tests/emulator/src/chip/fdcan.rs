@@ -1,12 +1,9 @@
-//! FDCAN1: message RAM, filters, receive FIFO 0, transmit FIFO, and a bus of its own (RM0440, 44).
-//!
-//! A frame occupies the bus for its bits at 1 Mbit/s, with a stuff bit in ten, and those of CAN FD data at their own rate. Where
-//! several wait, the lowest identifier wins. A share of the frames may be destroyed by bit errors: they are repeated, and the
-//! error counters rise as ISO 11898-1 states, to error passive and bus-off. Frames of others are never lost.
-//!
-//! A sender compares the bits of its data with those on the bus, which show them after the way through the transceiver. If it
-//! looks before, the frame is a bit error. It looks later by the measured delay if it compensates the delay (TDC).
+//! FDCAN1: registers, message RAM, filters, receive FIFO 0 and transmit FIFO (RM0440, 44). Its bus is in [`bus`].
 
+mod bus;
+
+pub use bus::BusFailure;
+use bus::{Arriving, ErrorCounters, Outgoing, Sending};
 use compensator_core::can::{FdTelemetry, Frame};
 use std::collections::VecDeque;
 
@@ -46,34 +43,14 @@ const TRANSMITTED: u32 = 1 << 7;
 /// Remote frames with identifiers of eleven bits are rejected.
 const REJECT_REMOTE: u32 = 1 << 1;
 const BUS_OFF: u32 = 1 << 7;
-const ERROR_PASSIVE: u32 = 1 << 5;
-
-const DELAY_COMPENSATED: u32 = 1 << 23;
-/// Way through the transceiver and back (ISO 11898-2: 255 ns at most), cycles.
-const TRANSCEIVER_CYCLES: u64 = 43;
-/// Largest prescaler with which the delay is measured (RM0440, 44.3.3).
-const LAST_COMPENSATED_PRESCALER: u64 = 2;
+/// Content of PSR without an error.
+const NO_LAST_ERROR: u32 = 0x707;
 
 /// Words of an element, and of its header; first words in the message RAM.
 const ELEMENT_WORDS: usize = 18;
 const FIFO_0: usize = 0xB0 / 4;
 const TRANSMIT: usize = 0x278 / 4;
 const ELEMENTS: usize = 3;
-
-/// Bits of an error frame with the pause after it.
-const ERROR_BITS: u64 = 23;
-/// Error counters: a bad frame of the node's own, and the limits of error passive and bus-off.
-const TRANSMIT_ERROR: u32 = 8;
-const PASSIVE_ABOVE: u32 = 127;
-const OFF_ABOVE: u32 = 255;
-/// Bits of a recovery from bus-off.
-const RECOVERY_BITS: u64 = 128 * 11;
-
-/// Number of frames of others whose end is known.
-const ARRIVED_FRAMES: usize = 32;
-
-/// Core cycles of a bit at 1 Mbit/s.
-const BIT_CYCLES: u64 = 170;
 
 /// The controller and its bus.
 #[derive(Clone, Debug)]
@@ -83,15 +60,16 @@ pub struct Fdcan {
     /// Places of the receive FIFO: number of frames, and the oldest.
     filled: usize,
     oldest: usize,
-    /// Transmit elements that wait, oldest first, and the one on the bus with its end.
+    /// Transmit elements that wait, oldest first.
     waiting: VecDeque<usize>,
-    on_bus: Option<(u64, usize)>,
+    on_bus: Option<Sending>,
     /// Frames that others send.
     arriving: VecDeque<Arriving>,
+    /// End of the first of them, if it is on the bus, cycles.
     arrival: Option<u64>,
+    /// Time from which the bus is free, cycles.
     bus_free: u64,
-    /// Error counters: transmit, receive.
-    errors: [u32; 2],
+    errors: ErrorCounters,
     recovers_at: Option<u64>,
     /// Both pins have the controller's signals.
     is_connected: bool,
@@ -108,37 +86,13 @@ pub struct Fdcan {
     pub arrived: VecDeque<(u64, u16)>,
 }
 
-/// A frame that others send.
-#[derive(Clone, Debug)]
-struct Arriving {
-    /// Its earliest start, cycles.
-    from: u64,
-    frame: Frame,
-    is_remote: bool,
-}
-
-/// A frame in a transmit element.
-enum Outgoing {
-    Classic(Frame),
-    Fd(FdTelemetry),
-}
-
-impl Outgoing {
-    fn identifier(&self) -> u16 {
-        match self {
-            Self::Classic(frame) => frame.identifier(),
-            Self::Fd(frame) => frame.identifier(),
-        }
-    }
-}
-
 impl Default for Fdcan {
     fn default() -> Self {
         let mut registers = [0; 128];
         registers[CREL as usize / 4] = 0x3214_1218;
         registers[ENDN as usize / 4] = 0x8765_4321;
         registers[CCCR as usize / 4] = INIT;
-        registers[PSR as usize / 4] = 0x707;
+        registers[PSR as usize / 4] = NO_LAST_ERROR;
         Self {
             registers,
             ram: vec![0; RAM_WORDS],
@@ -149,7 +103,7 @@ impl Default for Fdcan {
             arriving: VecDeque::new(),
             arrival: None,
             bus_free: 0,
-            errors: [0; 2],
+            errors: ErrorCounters::default(),
             recovers_at: None,
             is_connected: false,
             bus_offs: 0,
@@ -162,11 +116,6 @@ impl Default for Fdcan {
     }
 }
 
-fn frame_cycles(frame: &Frame) -> u64 {
-    let bits = 47 + 8 * frame.data().len() as u64;
-    (bits + bits / 10) * BIT_CYCLES
-}
-
 impl Fdcan {
     fn register(&self, offset: u32) -> u32 {
         self.registers[offset as usize / 4]
@@ -177,32 +126,6 @@ impl Fdcan {
         self.is_connected = is_connected;
     }
 
-    /// Prescaler of CAN FD data, and cycles of a bit up to its sample point and in all.
-    fn data_timing(&self) -> (u64, u64, u64) {
-        let timing = u64::from(self.register(DBTP));
-        let prescaler = 1 + (timing >> 16 & 0x1F);
-        let before = 2 + (timing >> 8 & 0x1F);
-        (prescaler, prescaler * before, prescaler * (before + 1 + (timing >> 4 & 0xF)))
-    }
-
-    /// Returns the bit rate of the data of CAN FD frames that the controller can follow, bit/s; `None` if it would
-    /// destroy them.
-    pub fn data_bit_rate(&self) -> Option<u64> {
-        let (_, _, cycles) = self.data_timing();
-        (self.register(CCCR) & FD_OPERATION != 0).then(|| BIT_CYCLES * 1_000_000 / cycles)
-    }
-
-    /// Returns true if the controller finds the bits of its own CAN FD data on the bus.
-    fn finds_own_data(&self) -> bool {
-        let (prescaler, sample, bit) = self.data_timing();
-        if self.register(DBTP) & DELAY_COMPENSATED == 0 {
-            return sample > TRANSCEIVER_CYCLES;
-        }
-        // The second sample point is behind the measured delay by its offset, and must be in the same bit.
-        let offset = u64::from(self.register(TDCR) >> 8 & 0x7F);
-        prescaler <= LAST_COMPENSATED_PRESCALER && (1..bit).contains(&offset)
-    }
-
     fn flag(&mut self, flags: u32) {
         self.registers[IR as usize / 4] |= flags;
     }
@@ -210,188 +133,6 @@ impl Fdcan {
     fn is_running(&self) -> bool {
         let is_off = self.register(PSR) & BUS_OFF != 0;
         self.is_connected && self.register(CCCR) & INIT == 0 && !is_off
-    }
-
-    /// Sends a frame to the node, from this time on.
-    pub fn deliver(&mut self, frame: Frame, now: u64) {
-        self.arriving.push_back(Arriving { from: now, frame, is_remote: false });
-        self.begin_next(now);
-    }
-
-    /// Sends a remote frame, which requests that of an identifier.
-    pub fn deliver_remote(&mut self, frame: Frame, now: u64) {
-        self.arriving.push_back(Arriving { from: now, frame, is_remote: true });
-        self.begin_next(now);
-    }
-
-    /// Returns the number of frames of others on the bus and waiting for it.
-    pub fn waiting_frames(&self) -> usize {
-        self.arriving.len()
-    }
-
-    /// Makes the controller leave the bus, or become passive, by its count of errors: frames of others do not end it.
-    pub fn count_errors(&mut self, is_off: bool) {
-        /// More than the frames of a millisecond take off.
-        const MORE: u32 = 100;
-        self.errors[0] = if is_off { OFF_ABOVE } else { PASSIVE_ABOVE } + MORE;
-        self.show_errors();
-    }
-
-    /// Sets the error state: bus-off, or passive.
-    pub fn set_errors(&mut self, is_off: bool, is_passive: bool) {
-        let place = PSR as usize / 4;
-        let was_off = self.registers[place] & BUS_OFF != 0;
-        self.registers[place] =
-            0x707 | if is_off { BUS_OFF } else { 0 } | if is_passive { ERROR_PASSIVE } else { 0 };
-        if is_off && !was_off {
-            self.bus_offs += 1;
-            self.registers[CCCR as usize / 4] |= INIT;
-        }
-        self.registers[ECR as usize / 4] = if is_off { 248 } else { 0 };
-    }
-
-    /// Time of the next event, cycles.
-    pub fn next_event(&self) -> u64 {
-        let sending = self.on_bus.map_or(u64::MAX, |(end, _)| end);
-        let recovery = self.recovers_at.unwrap_or(u64::MAX);
-        sending.min(self.arrival.unwrap_or(u64::MAX)).min(recovery)
-    }
-
-    /// Transmit element that is next: the oldest, or in queue mode that of the lowest identifier, and of equal ones the
-    /// first.
-    fn next_element(&self) -> Option<usize> {
-        if self.register(TXBC) & QUEUE_MODE == 0 {
-            return self.waiting.front().copied();
-        }
-        let identifier =
-            |element: usize| self.ram[TRANSMIT + ELEMENT_WORDS * element] >> 18 & 0x7FF;
-        self.waiting.iter().copied().min_by_key(|element| (identifier(*element), *element))
-    }
-
-    /// Starts what is next on the bus, if it is free: of those that wait, the lowest identifier.
-    fn begin_next(&mut self, now: u64) {
-        if self.on_bus.is_some() || self.arrival.is_some() {
-            return;
-        }
-        let waiting = self.next_element().filter(|_| self.is_running());
-        let waiting = waiting.and_then(|element| Some((element, self.outgoing(element)?)));
-        let start = now.max(self.bus_free);
-        self.sort_arriving(start);
-        let arrives = self.arriving.front();
-        let others_win = match (&waiting, arrives) {
-            (_, None) => false,
-            (None, Some(_)) => true,
-            (Some((_, waiting)), Some(other)) => {
-                other.from <= start && other.frame.identifier() < waiting.identifier()
-            }
-        };
-        if others_win && let Some(Arriving { from, frame, .. }) = arrives {
-            self.arrival = Some(start.max(*from) + frame_cycles(frame));
-        } else if let Some((element, frame)) = waiting {
-            let cycles = match &frame {
-                Outgoing::Classic(frame) => frame_cycles(frame),
-                Outgoing::Fd(_) => self.fd_cycles(),
-            };
-            self.on_bus = Some((start + cycles, element));
-        }
-    }
-
-    /// Puts the frame of the others that is next on the bus first: the lowest identifier of those that wait.
-    fn sort_arriving(&mut self, start: u64) {
-        let waits = self.arriving.iter().enumerate().filter(|(_, other)| other.from <= start);
-        let lowest = waits.min_by_key(|(at, other)| (other.frame.identifier(), *at));
-        let lowest = lowest.map(|(at, _)| at);
-        if let Some(frame) = lowest.and_then(|at| self.arriving.remove(at)) {
-            self.arriving.push_front(frame);
-        }
-    }
-
-    /// Ends the frames that are due.
-    pub fn process(&mut self, now: u64) {
-        if self.recovers_at.is_some_and(|at| at <= now) {
-            self.recovers_at = None;
-            self.errors = [0; 2];
-            self.show_errors();
-        }
-        while self.on_bus.is_some_and(|(end, _)| end <= now)
-            || self.arrival.is_some_and(|end| end <= now)
-        {
-            let is_destroyed = self.is_destroyed();
-            if let Some((end, element)) = self.on_bus.take() {
-                let is_fd = matches!(self.outgoing(element), Some(Outgoing::Fd(_)));
-                let is_lost = is_fd && !self.finds_own_data();
-                self.finish_transmission(end, element, is_destroyed || is_lost);
-            } else if let Some(end) = self.arrival.take() {
-                self.finish_other(end, is_destroyed);
-            }
-            self.begin_next(self.bus_free);
-        }
-        self.begin_next(now);
-    }
-
-    fn is_destroyed(&mut self) -> bool {
-        // A linear congruential generator (Knuth): its upper bits are random enough.
-        self.random = self
-            .random
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        ((self.random >> 33) as f64) < self.destroyed_share * f64::from(1u32 << 31)
-    }
-
-    fn finish_transmission(&mut self, end: u64, element: usize, is_destroyed: bool) {
-        if is_destroyed {
-            self.errors[0] += TRANSMIT_ERROR;
-            self.bus_free = end + ERROR_BITS * BIT_CYCLES;
-            return self.show_errors();
-        }
-        self.errors[0] = self.errors[0].saturating_sub(1);
-        self.bus_free = end;
-        self.waiting.retain(|waiting| *waiting != element);
-        match self.outgoing(element) {
-            Some(Outgoing::Classic(frame)) => self.sent.push_back((end, frame)),
-            Some(Outgoing::Fd(frame)) => {
-                self.sent.extend(frame.frames().map(|classic| (end, classic)));
-                self.sent_fd.push_back((end, frame));
-            }
-            None => {}
-        }
-        self.registers[TXBRP as usize / 4] &= !(1 << element);
-        self.registers[TXBTO as usize / 4] |= 1 << element;
-        self.flag(TRANSMITTED);
-        self.show_errors();
-    }
-
-    fn finish_other(&mut self, end: u64, is_destroyed: bool) {
-        if is_destroyed {
-            self.errors[1] += 1;
-            self.bus_free = end + ERROR_BITS * BIT_CYCLES;
-            return self.show_errors();
-        }
-        self.errors[1] = self.errors[1].saturating_sub(1);
-        self.bus_free = end;
-        if let Some(Arriving { frame, is_remote, .. }) = self.arriving.pop_front()
-            && self.is_running()
-        {
-            self.arrived.truncate(ARRIVED_FRAMES - 1);
-            self.arrived.push_front((end, frame.identifier()));
-            self.receive(&frame, is_remote);
-        }
-        self.show_errors();
-    }
-
-    /// Shows the error counters in the registers. Bus-off stops the node.
-    fn show_errors(&mut self) {
-        let is_off = self.errors[0] > OFF_ABOVE;
-        self.set_errors(is_off, self.errors.iter().any(|&count| count > PASSIVE_ABOVE));
-    }
-
-    /// Returns the duration of a frame of CAN FD with 64 bytes: bits of the arbitration and the end at 1 Mbit/s; the others,
-    /// with a stuff bit in ten, at their own rate.
-    fn fd_cycles(&self) -> u64 {
-        let data_rate = self.data_bit_rate().unwrap_or(1_000_000);
-        let bits = 5 + 8 * 64;
-        let data_bits = bits + bits / 10 + 4 + 21 + 7;
-        30 * BIT_CYCLES + data_bits * BIT_CYCLES * 1_000_000 / data_rate
     }
 
     /// Returns the frame of a transmit element; `None` if it is neither a classic frame of eleven bits nor telemetry of
@@ -494,8 +235,8 @@ impl Fdcan {
         }
     }
 
-    /// Writes a register or the message RAM, by address.
-    pub fn write(&mut self, address: u32, word: u32, now: u64) {
+    /// Stores a word in a register or in the message RAM, by address.
+    fn store(&mut self, address: u32, word: u32) {
         if address >= RAM {
             if let Some(place) = self.ram.get_mut((address - RAM) as usize / 4) {
                 *place = word;
@@ -521,20 +262,12 @@ impl Fdcan {
                         self.registers[TXBTO as usize / 4] &= !(1 << element);
                     }
                 }
-                self.begin_next(now);
             }
             _ => {
                 if let Some(register) = self.registers.get_mut(place) {
                     *register = word;
                 }
             }
-        }
-        if offset == CCCR {
-            let is_off = self.register(PSR) & BUS_OFF != 0;
-            if is_off && word & INIT == 0 && self.recovers_at.is_none() {
-                self.recovers_at = Some(now + RECOVERY_BITS * BIT_CYCLES);
-            }
-            self.begin_next(now);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Tests of the controller and its bus.
 
+use super::bus::DELAY_COMPENSATED;
 use super::*;
 
 fn running() -> Fdcan {

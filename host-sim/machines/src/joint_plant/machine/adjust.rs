@@ -92,7 +92,7 @@ impl JointPlant {
 
     /// Returns the bus voltage, V.
     pub fn bus_v(&self) -> f64 {
-        self.supply.map_or(self.p.bus_voltage_v, |supply| supply.bus_v())
+        self.supply.map_or(self.p.bus_voltage_v, |supply| supply.bus_v)
     }
 
     /// Adds overcurrent comparators at the shunts.
@@ -121,16 +121,19 @@ impl JointPlant {
 
     /// Returns the torque-producing current, A, positive for torque in positive direction.
     pub fn torque_current_a(&self) -> f64 {
-        let angle = self.p.gear_ratio * self.p.pole_pairs * self.motor_position_rad();
-        let (sine, cosine) = angle.sin_cos();
+        let (sine, cosine) = self.electrical_rad().sin_cos();
         self.current[1] * cosine - self.current[0] * sine
     }
 
     /// Returns the current along the magnet, A.
     pub fn magnetising_current_a(&self) -> f64 {
-        let angle = self.p.gear_ratio * self.p.pole_pairs * self.motor_position_rad();
-        let (sine, cosine) = angle.sin_cos();
+        let (sine, cosine) = self.electrical_rad().sin_cos();
         self.current[0] * cosine + self.current[1] * sine
+    }
+
+    /// Returns the electrical angle of the motor, rad.
+    fn electrical_rad(&self) -> f64 {
+        self.p.gear_ratio * self.p.pole_pairs * self.motor_position_rad()
     }
 
     /// Lets side load, pressure and water temperature follow these courses from now on. Film and thermometer of the seal

@@ -78,7 +78,7 @@ impl JointPlant {
             // initial current, the bus voltage would be several volts too high during braking.
             let mean = [0, 1].map(|axis| 0.5 * (before[axis] + self.current[axis]));
             let power_w = 1.5 * (voltage[0] * mean[0] + voltage[1] * mean[1]);
-            supply.step(power_w / supply.bus_v().max(1.0), dt);
+            supply.step(power_w / supply.bus_v.max(1.0), dt);
         }
         self.current[1] * cosine - self.current[0] * sine
     }
