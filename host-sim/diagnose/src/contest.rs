@@ -39,6 +39,7 @@ pub use cause_key::CauseKey;
 pub use correction::Correction;
 pub use detail::{Detail, Gap, WaveKind};
 pub(crate) use draws::DRAWS;
+pub(crate) use finalists::share_taken;
 pub use finalists::{Finalist, FinalistCause};
 pub use law::LawStart;
 pub(crate) use law::SMALLEST_LEVEL;

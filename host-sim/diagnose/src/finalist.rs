@@ -223,8 +223,7 @@ pub fn fit_finalist(
     let at_once = fit_start(log, with_causes(log, finalist, &first, &meant)?)?;
     let error = |fitted: &FittedFinalist| fitted.held_out.metrics.rmse.powi(2);
     let before = one_step_left_out(log, log, base).metrics.rmse.powi(2);
-    let promised = 1.0 - (finalist.rmse / finalist.law_rmse.max(f64::MIN_POSITIVE)).powi(2);
-    if meant.is_empty() || 1.0 - error(&at_once) / before >= KEPT * promised {
+    if meant.is_empty() || 1.0 - error(&at_once) / before >= KEPT * finalist.promised() {
         return Ok(at_once);
     }
     let mut from = fit_start(log, first)?;

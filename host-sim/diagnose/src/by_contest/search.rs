@@ -21,7 +21,7 @@ use friction_fit::{Loss, Outcome, Predicted, autocorrelation_time, predict};
 /// The hypothesis that was chosen, fitted to the excerpt.
 pub(super) struct Chosen {
     /// The hypothesis.
-    hypothesis: Finalist,
+    pub(super) hypothesis: Finalist,
     /// The log with its corrections.
     pub(super) corrected: CorrectedRows,
     /// A part of the corrected log.
@@ -40,16 +40,6 @@ impl Chosen {
         let base = resolved(&self.excerpt, &self.base);
         Self { corrected: CorrectedRows { memory_rows, ..self.corrected }, base, ..self }
     }
-
-    /// Returns the share of the squared error that the causes take by the linear promise.
-    pub(super) fn promised(&self) -> f64 {
-        taken(self.hypothesis.law_rmse, self.hypothesis.rmse)
-    }
-}
-
-/// Returns the share of a squared error that is taken, from RMS errors.
-pub(super) fn taken(before: f64, after: f64) -> f64 {
-    1.0 - (after / before.max(f64::MIN_POSITIVE)).powi(2)
 }
 
 /// What the choice among the finalists is made from.

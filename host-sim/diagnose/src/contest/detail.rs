@@ -56,7 +56,7 @@ impl Detail {
     }
 
     /// Returns a gap and a travel, which are known to four digits.
-    pub(crate) fn gap(gap: f64, travel: f64) -> Self {
+    pub(crate) fn gap(Gap { gap, travel }: Gap) -> Self {
         Self::Gap(Gap { gap: to_four_digits(gap), travel: to_four_digits(travel) })
     }
 

@@ -4,7 +4,7 @@
 //! columns are simulated: the derivative of the torque by the term's parameter, or the whole difference that the term makes at
 //! one setting of a grid. A column of the second kind has a positive size in a model, near one where the setting is right.
 
-use super::{Variant, form};
+use super::{ColumnSource, Variant, form, is_usable};
 use crate::contest::cause_key::CauseKey;
 use crate::contest::detail::Detail;
 use crate::contest::rows::Rows;
@@ -53,12 +53,10 @@ pub(crate) fn variants(
             .map(|(track, along)| exact(at, track, along, &wanted.effect))
             .collect();
         let column = rows.along_tracks(tracks.iter().zip(columns.iter().map(Vec::as_slice)));
-        let is_usable = column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0);
-        is_usable.then(|| Variant {
+        is_usable(&column).then(|| Variant {
             key: CauseKey { cause: wanted.cause, columns: wanted.follows },
             detail: wanted.detail,
-            regressors: Vec::new(),
-            columns: vec![column],
+            source: ColumnSource::Simulated(column.into()),
             price: super::MIMIC,
             sign: wanted.sign,
         })
