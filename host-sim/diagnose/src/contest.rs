@@ -45,6 +45,7 @@ pub use law::LawStart;
 pub(crate) use law::SMALLEST_LEVEL;
 pub use linear::LinearAnswer;
 pub(crate) use linear::plain;
+pub(crate) use orders::MOST_FREE_ORDERS;
 pub use outcome::{Figures, Outcome};
 pub use rows::{RigidBody, Rows};
 pub use run::contest;

@@ -12,7 +12,7 @@ mod linear_fit;
 use super::candidate::{Candidate, FitContext, FoundSettings};
 use super::cause::{self, Cause};
 use super::contest::{
-    Detail, Finalist, FinalistCause, Gap, LawStart, SMALLEST_LEVEL, acts_through_bristles,
+    Detail, Finalist, FinalistCause, Gap, LawStart, SMALLEST_LEVEL, WaveKind, acts_through_bristles,
 };
 use super::left_out::one_step_left_out;
 use super::model::{FittedModel, changed};
@@ -357,7 +357,8 @@ fn entrants(
             continue;
         }
         let candidates = cause.candidates(&context).into_iter();
-        let candidates = candidates.filter(|candidate| is_variant(candidate, found));
+        let has_phase = has_common_phase(log, &found.detail);
+        let candidates = candidates.filter(|candidate| has_phase && is_variant(candidate, found));
         let entrant = Entrant { cause, candidates: candidates.collect() };
         if !entrant.candidates.is_empty() {
             entrants.push(entrant);
@@ -371,6 +372,12 @@ fn is_variant(candidate: &Candidate, found: &FinalistCause) -> bool {
     let Some(follows) = &candidate.follows else { return true };
     let of_level = matches!(found.detail, Detail::Curve { of_level: true, .. });
     found.key.columns == [follows.column.as_str()] && follows.level == of_level
+}
+
+/// Returns false for waves with another phase in each run, unless the runs were shifted to a common one.
+fn has_common_phase(log: &TrainTest, detail: &Detail) -> bool {
+    let is_free = matches!(detail, Detail::Waves { kind: WaveKind::FreePhase, .. });
+    !is_free || log.aligned_order.is_some()
 }
 
 /// Returns gap and travel of a backlash among the causes.

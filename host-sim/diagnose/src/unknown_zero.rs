@@ -3,36 +3,30 @@
 //!
 //! A logger that integrates the velocity starts every run at the same angle, independent of the
 //! shaft. A ripple of the shaft then has another phase in each run and averages out over all runs.
-//! If every run starts at the same position, whole orders are tested run by run:
+//! The contest finds its order ([`super::contest::FreePhaseWave`]), which is tested run by run:
 //!
 //! ```text
 //! fit {1, sin n q, cos n q} to one half of a run's residual, evaluate it on the other half, and vice versa
 //! ```
 //!
 //! Noise also has a phase. The test therefore uses the error reduction on the held-out halves, with
-//! runs as observations ([`super::error_reduction`]). If an order passes, the position of each run
+//! runs as observations ([`super::error_reduction`]). If the order passes, the position of each run
 //! is shifted until its wave has the phase 0. The causes that depend on the angle are evaluated
 //! with this position.
 //!
 //! The phase is fitted in each run separately, as is the bristle torque at its start. Fits to other
 //! runs do not determine it, and a driver needs a homed zero to use it.
 
+use super::contest::MOST_FREE_ORDERS;
 use super::error_reduction::ErrorReduction;
 use super::model::FittedModel;
 use super::sensitivities::sensitivities;
 use super::train_test::TrainTest;
 use compensator_core::TermKind;
 use joint_log::statistics::extent;
-use joint_log::{Dataset, JointKind, Quantity, Run};
+use joint_log::{Dataset, Quantity};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::Arc;
-
-/// Highest whole order that is tested. It covers one turn of the shaft, some bearings and a spur
-/// gear.
-const MOST: u32 = 40;
-
-/// Fewest runs for the test.
-const FEWEST_RUNS: usize = 5;
 
 /// Fewest periods of the wave in one half of a run that determine its phase.
 const LEAST_PERIODS: f64 = 0.25;
@@ -46,36 +40,24 @@ const MIN_SHARE: f64 = 0.03;
 /// Rows of a run: angle, rad, and residual, Nm.
 type Rows = Vec<(f64, f64)>;
 
-/// Returns the log with each run's position shifted to a common phase, if a ripple has another
-/// phase in each run.
-pub fn aligned(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
-    let runs = &log.train.runs;
+/// Returns the log with each run's position shifted to a common phase of a ripple of a whole order,
+/// if a phase of its own in each run reduces the error.
+pub fn aligned(log: &TrainTest, model: &FittedModel, order: f64) -> Option<TrainTest> {
     // A run that is set apart has its own zero, and its residual is not evaluated. The shift
     // therefore requires that each run is held out once.
-    if !log.leaves_each_out {
-        return None;
-    }
-    let gravity = log.rigid_body.contains(&TermKind::GravityImbalance);
-    let is_revolute = log.train.joint == JointKind::Revolute;
-    if !is_revolute || gravity || runs.len() < FEWEST_RUNS || !begin_alike(runs) {
+    if !log.leaves_each_out || log.rigid_body.contains(&TermKind::GravityImbalance) {
         return None;
     }
     let by_run = residuals(log, model);
-    let best = (1..=MOST)
-        .map(|order| (order, fall(&by_run, f64::from(order))))
-        .max_by(|a, b| a.1.at_least().total_cmp(&b.1.at_least()))?;
-    let (order, fall) = best;
+    let fall = fall(&by_run, order);
     let squares: f64 = by_run.iter().flatten().map(|(_, e)| e * e).sum();
-    let passes = fall.probability(2, f64::from(MOST)) < MAX_PROBABILITY
+    let passes = fall.probability(2, MOST_FREE_ORDERS as f64) < MAX_PROBABILITY
         && fall.value > MIN_SHARE * log.beyond_floor(squares);
     if !passes {
         return None;
     }
-    let n = f64::from(order);
-    let shifts: Vec<f64> = by_run
-        .iter()
-        .map(|rows| wave(rows, n).map_or(0.0, |[_, sine, cosine]| cosine.atan2(sine) / n))
-        .collect();
+    let shift = |[_, sine, cosine]: [f64; 3]| cosine.atan2(sine) / order;
+    let shifts: Vec<f64> = by_run.iter().map(|rows| wave(rows, order).map_or(0.0, shift)).collect();
     let mut shifted = log.clone();
     shifted.train = Arc::new(moved(&log.train, &shifts));
     for track in &mut shifted.train_tracks {
@@ -84,7 +66,7 @@ pub fn aligned(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
     }
     shifted.test = Arc::clone(&shifted.train);
     shifted.test_tracks = shifted.train_tracks.clone();
-    shifted.aligned_order = Some(order);
+    shifted.aligned_order = Some(order as u32);
     shifted.notes.push(format!(
         "every run starts at the same position, so the position's zero is not fixed to the shaft: a ripple of {order} periods per \
          turn, fitted with its own phase in each run, removes {:.0} % of the squared error on held-out halves of the runs; the \
@@ -92,17 +74,6 @@ pub fn aligned(log: &TrainTest, model: &FittedModel) -> Option<TrainTest> {
         100.0 * fall.value / squares.max(f64::MIN_POSITIVE)
     ));
     Some(shifted)
-}
-
-/// Returns true if every run starts at the same position and some end elsewhere.
-fn begin_alike(runs: &[Run]) -> bool {
-    let ends: Option<Vec<(f64, f64)>> = runs
-        .iter()
-        .map(|run| run.get(Quantity::Position).and_then(|q| Some((*q.first()?, *q.last()?))))
-        .collect();
-    let Some(ends) = ends else { return false };
-    ends.iter().all(|(start, _)| *start == ends[0].0)
-        && ends.iter().any(|(start, end)| start != end)
 }
 
 /// Returns angle and residual of the included rows, by run.
@@ -199,17 +170,18 @@ mod tests {
     #[test]
     fn fall_with_phase_per_run_is_significant_and_with_noise_is_not() {
         let hidden = runs(0.8, 3.0, 1);
-        let best = (1..=MOST).max_by(|a, b| {
-            let at_least = |n: &u32| fall(&hidden, f64::from(*n)).at_least();
-            at_least(a).total_cmp(&at_least(b))
-        });
+        let orders = 1..=MOST_FREE_ORDERS as u32;
+        let probability = |by_run: &[Rows], order: u32| {
+            fall(by_run, f64::from(order)).probability(2, MOST_FREE_ORDERS as f64)
+        };
+        let best = orders
+            .clone()
+            .min_by(|a, b| probability(&hidden, *a).total_cmp(&probability(&hidden, *b)));
         assert_eq!(best, Some(3));
-        assert!(fall(&hidden, 3.0).probability(2, f64::from(MOST)) < MAX_PROBABILITY);
+        assert!(probability(&hidden, 3) < MAX_PROBABILITY);
         let alarms = (0..20).filter(|seed| {
             let clean = runs(0.0, 3.0, 100 + seed);
-            (1..=MOST).any(|n| {
-                fall(&clean, f64::from(n)).probability(2, f64::from(MOST)) < MAX_PROBABILITY
-            })
+            orders.clone().any(|order| probability(&clean, order) < MAX_PROBABILITY)
         });
         assert!(alarms.count() <= 1);
     }

@@ -66,8 +66,8 @@ pub(super) const MOST_WAVES: usize = 6;
 /// Fewest runs of a wave whose phase differs between runs.
 const MIN_FREE_RUNS: usize = 5;
 
-/// Highest order of such a wave.
-const MOST_FREE_ORDERS: usize = 40;
+/// Highest order of such a wave. It covers one turn of the shaft, some bearings and a spur gear.
+pub(crate) const MOST_FREE_ORDERS: usize = 40;
 
 /// Largest difference between the first positions of runs that begin alike, as a share of the swing.
 const MAX_START: f64 = 0.01;
