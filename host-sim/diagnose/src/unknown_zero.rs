@@ -37,8 +37,12 @@ const MAX_PROBABILITY: f64 = 0.05;
 /// Least share of the squared error above the noise floor that a wave must remove: in a long log any wave is significant.
 const MIN_SHARE: f64 = 0.03;
 
-/// Rows of a run: angle, rad, and residual, Nm.
-type Rows = Vec<(f64, f64)>;
+/// A row of a run.
+#[derive(Clone, Copy)]
+struct Row {
+    angle_rad: f64,
+    residual_nm: f64,
+}
 
 /// Returns the log with each run's position shifted to a common phase of a ripple of a whole order,
 /// if a phase of its own in each run reduces the error.
@@ -50,7 +54,7 @@ pub fn aligned(log: &TrainTest, model: &FittedModel, order: f64) -> Option<Train
     }
     let by_run = residuals(log, model);
     let fall = fall(&by_run, order);
-    let squares: f64 = by_run.iter().flatten().map(|(_, e)| e * e).sum();
+    let squares: f64 = by_run.iter().flatten().map(|row| row.residual_nm.powi(2)).sum();
     let passes = fall.probability(2, MOST_FREE_ORDERS as f64) < MAX_PROBABILITY
         && fall.value > MIN_SHARE * log.beyond_floor(squares);
     if !passes {
@@ -77,34 +81,36 @@ pub fn aligned(log: &TrainTest, model: &FittedModel, order: f64) -> Option<Train
 }
 
 /// Returns angle and residual of the included rows, by run.
-fn residuals(log: &TrainTest, model: &FittedModel) -> Vec<Rows> {
+fn residuals(log: &TrainTest, model: &FittedModel) -> Vec<Vec<Row>> {
     let at = sensitivities(&model.parameters, &[], &log.train_tracks, model.resolution);
-    let mut by_run = vec![Rows::new(); log.train.runs.len()];
+    let mut by_run = vec![Vec::new(); log.train.runs.len()];
     for (track, at) in log.train_tracks.iter().zip(&at.tracks) {
         let rows = (0..track.len()).filter(|row| track.is_included(*row));
-        by_run[track.run]
-            .extend(rows.map(|row| (track.samples[row].position_rad, at.residual[row])));
+        by_run[track.run].extend(rows.map(|row| Row {
+            angle_rad: track.samples[row].position_rad,
+            residual_nm: at.residual[row],
+        }));
     }
     by_run
 }
 
 /// Returns the least-squares coefficients of `{1, sin n q, cos n q}`; `None` if the rows do not
 /// determine them.
-fn wave(rows: &[(f64, f64)], order: f64) -> Option<[f64; 3]> {
+fn wave(rows: &[Row], order: f64) -> Option<[f64; 3]> {
     let (mut products, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for (q, e) in rows {
-        let (sine, cosine) = (order * q).sin_cos();
+    for row in rows {
+        let (sine, cosine) = (order * row.angle_rad).sin_cos();
         let columns = Vector3::new(1.0, sine, cosine);
         products += columns * columns.transpose();
-        right += columns * *e;
+        right += columns * row.residual_nm;
     }
     let solved = products.cholesky()?.solve(&right);
     Some([solved[0], solved[1], solved[2]])
 }
 
 /// Returns the reduction of the squared error on the held-out half of each run, over runs.
-fn fall(by_run: &[Rows], order: f64) -> ErrorReduction {
-    let of_run = |rows: &Rows| -> f64 {
+fn fall(by_run: &[Vec<Row>], order: f64) -> ErrorReduction {
+    let of_run = |rows: &Vec<Row>| -> f64 {
         let (first, second) = rows.split_at(rows.len() / 2);
         unseen(first, second, order) + unseen(second, first, order)
     };
@@ -114,21 +120,20 @@ fn fall(by_run: &[Rows], order: f64) -> ErrorReduction {
 
 /// Returns the error reduction of a wave on other rows, compared with the mean. Both are fitted to
 /// `seen`. Returns 0 if `seen` contains too few periods.
-fn unseen(seen: &[(f64, f64)], other: &[(f64, f64)], order: f64) -> f64 {
-    let [low, high] = extent(seen.iter().map(|(q, _)| *q));
+fn unseen(seen: &[Row], other: &[Row], order: f64) -> f64 {
+    let [low, high] = extent(seen.iter().map(|row| row.angle_rad));
     let periods = order * (high - low) / std::f64::consts::TAU;
     let Some([constant, sine, cosine]) = wave(seen, order).filter(|_| periods >= LEAST_PERIODS)
     else {
         return 0.0;
     };
-    let mean = seen.iter().map(|(_, e)| e).sum::<f64>() / seen.len().max(1) as f64;
-    other
-        .iter()
-        .map(|(q, e)| {
-            let (s, c) = (order * q).sin_cos();
-            (e - mean).powi(2) - (e - constant - sine * s - cosine * c).powi(2)
-        })
-        .sum()
+    let mean = seen.iter().map(|row| row.residual_nm).sum::<f64>() / seen.len().max(1) as f64;
+    let fall = |row: &Row| {
+        let (s, c) = (order * row.angle_rad).sin_cos();
+        let residual = row.residual_nm;
+        (residual - mean).powi(2) - (residual - constant - sine * s - cosine * c).powi(2)
+    };
+    other.iter().map(fall).sum()
 }
 
 /// Returns the data set with each run's position shifted.
@@ -151,7 +156,7 @@ mod tests {
 
     /// Returns runs of two turns with unit noise and a wave of this size and order, whose phase
     /// differs between runs.
-    fn runs(size: f64, order: f64, seed: u64) -> Vec<Rows> {
+    fn runs(size: f64, order: f64, seed: u64) -> Vec<Vec<Row>> {
         let mut random = Pcg64::seed_from_u64(seed);
         (0..12)
             .map(|run| {
@@ -160,7 +165,8 @@ mod tests {
                     .map(|row| {
                         let q = f64::from(row) * 0.0315;
                         let noise: f64 = random.random_range(-1.7..1.7);
-                        (q, size * (order * q + phase).sin() + noise)
+                        let residual_nm = size * (order * q + phase).sin() + noise;
+                        Row { angle_rad: q, residual_nm }
                     })
                     .collect()
             })
@@ -171,7 +177,7 @@ mod tests {
     fn fall_with_phase_per_run_is_significant_and_with_noise_is_not() {
         let hidden = runs(0.8, 3.0, 1);
         let orders = 1..=MOST_FREE_ORDERS as u32;
-        let probability = |by_run: &[Rows], order: u32| {
+        let probability = |by_run: &[Vec<Row>], order: u32| {
             fall(by_run, f64::from(order)).probability(2, MOST_FREE_ORDERS as f64)
         };
         let best = orders

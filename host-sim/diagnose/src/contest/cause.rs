@@ -16,9 +16,10 @@ mod unknown;
 
 use super::cause_key::CauseKey;
 use super::detail::Detail;
-use super::entry::{Base, Waves};
 use super::law::Shapes;
+use super::orders::RippleOrders;
 use super::rows::Rows;
+use backlash::GapGrid;
 use friction_fit::linear::{Factor, Regressor};
 use joint_log::work::checkpoint;
 use rayon::prelude::*;
@@ -121,10 +122,22 @@ pub struct Context<'a> {
     pub rows: &'a Rows,
     /// The columns of the laws.
     pub shapes: &'a Shapes,
-    /// The law.
-    pub(crate) base: &'a Base,
+    /// Index of the law's main travel.
+    pub travel: usize,
+    /// Friction level of the law.
+    pub level: &'a [f64],
+    /// What the law leaves of the log as it is.
+    pub residual: &'a [f64],
     /// What the nonlinear causes are chosen from.
     pub(crate) waves: &'a Waves,
+}
+
+/// What the nonlinear causes are chosen from.
+pub(crate) struct Waves {
+    /// Orders of the waves that are tried, in lists that were found in different residuals.
+    pub(crate) orders: Vec<RippleOrders>,
+    /// Gaps of a backlash, for a log with a position.
+    pub(crate) gaps: Option<GapGrid>,
 }
 
 /// A row of the table.
@@ -196,11 +209,11 @@ const CAUSES: &[CauseRow] = &[
 ];
 
 /// Returns the variants of all causes beside a law: those of the table, and those that the law simulates in place of their shapes.
-pub(crate) fn variants(context: &Context) -> Vec<Built> {
-    let (base, rows) = (context.base, context.rows);
+pub(crate) fn variants(context: &Context, simulated: &[Variant]) -> Vec<Built> {
+    let rows = context.rows;
     let of_cause = |row: &CauseRow| -> Vec<Built> {
         checkpoint();
-        if !base.simulated.is_empty() && acts_through_bristles(row.name) {
+        if !simulated.is_empty() && acts_through_bristles(row.name) {
             return Vec::new();
         }
         let variant = |form: Columns| Variant {
@@ -211,19 +224,17 @@ pub(crate) fn variants(context: &Context) -> Vec<Built> {
             sign: row.sign,
         };
         let built = (row.build)(context).into_iter().map(variant);
-        built.filter_map(|variant| Built::new(variant, rows, &base.level.torque)).collect()
+        built.filter_map(|variant| Built::new(variant, rows, context.level)).collect()
     };
-    let simulated = base.simulated.iter().cloned();
-    let simulated = simulated.filter_map(|variant| Built::new(variant, rows, &[]));
     let mut built: Vec<Built> = CAUSES.par_iter().flat_map_iter(of_cause).collect();
-    built.extend(simulated);
+    built.extend(simulated.iter().cloned().filter_map(|variant| Built::new(variant, rows, &[])));
     built
 }
 
 impl Context<'_> {
     /// Returns the travel of the main stop.
     fn travel(&self) -> f64 {
-        self.shapes.travels[self.base.travel]
+        self.shapes.travels[self.travel]
     }
 }
 

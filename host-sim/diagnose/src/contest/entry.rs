@@ -1,14 +1,12 @@
 //! One entry of the contest: the columns of a correction and a law, their products, and the search among them.
 
 use super::bank::Bank;
-use super::cause::backlash::GapGrid;
-use super::cause::{Built, Context, Variant, variants};
+use super::cause::{Built, Context, Variant, Waves, variants};
 use super::cause_key::CauseKey;
 use super::correction::Correction;
 use super::kernel::KernelLaw;
-use super::law::{Law, LawPart, Shapes, WIDTHS, product};
+use super::law::{Law, LawPart, Shapes, WIDTHS, law_columns, product};
 use super::ledger::Hypothesis;
-use super::orders::RippleOrders;
 use super::rows::Rows;
 use super::search::Search;
 use compensator_core::Parameters;
@@ -18,14 +16,6 @@ use std::ops::Range;
 
 /// Prior cost of a correction.
 const CORRECTION_PRICE: f64 = 0.04;
-
-/// What the nonlinear causes are chosen from.
-pub(crate) struct Waves {
-    /// Orders of the waves that are tried, in lists that were found in different residuals.
-    pub(crate) orders: Vec<RippleOrders>,
-    /// Gaps of a backlash, for a log with a position.
-    pub(crate) gaps: Option<GapGrid>,
-}
 
 /// What a base law was made from.
 #[derive(Clone)]
@@ -65,7 +55,7 @@ impl Base {
     /// Returns a law of stops and falling functions.
     pub(crate) fn of_shapes(rows: &Rows, shapes: &Shapes, law: &Law) -> Self {
         let parts = shapes.parts(rows, law);
-        let columns = rows.law_columns(&parts);
+        let columns = law_columns(rows, &parts);
         // With any sign: a level that rises with the speed and a torque of the wrong sign are to be seen.
         let fit = Fitted::new(rows, &columns);
         let stops = law.stops.len();
@@ -172,7 +162,9 @@ impl Entry {
         correction: Correction,
         waves: &Waves,
     ) -> Self {
-        let built = variants(&Context { rows, shapes, base: &base, waves });
+        let (travel, level, residual) = (base.travel, &base.level.torque, &base.fit.residual);
+        let context = Context { rows, shapes, travel, level, residual, waves };
+        let built = variants(&context, &base.simulated);
         let (mut variants, mut columns) = (Vec::new(), Vec::new());
         for Built { variant, columns: of_variant } in built {
             variants.push(variant);

@@ -87,7 +87,7 @@ impl Shapes {
         let widths = WIDTHS.map(|width| width * rows.top_speed);
         let fall = |width: &f64| rows.map(|row| (-rows.smooth_velocity[row].abs() / width).exp());
         let falls = widths.iter().map(fall).collect();
-        Self { travels, stops, widths, falls, rigid: rows.law_columns(&rigid_parts(rows)) }
+        Self { travels, stops, widths, falls, rigid: law_columns(rows, &rigid_parts(rows)) }
     }
 
     /// Returns the parts of a law: its stops, viscous friction, what falls with the speed, and the rigid body.
@@ -215,6 +215,11 @@ pub(crate) fn rigid_parts(rows: &Rows) -> Vec<LawPart> {
         found.push(LawPart::new("load", [Factor::of_column(&load.name)]));
     }
     found
+}
+
+/// Returns the columns of the parts of a law.
+pub(crate) fn law_columns(rows: &Rows, parts: &[LawPart]) -> Vec<Vec<f64>> {
+    parts.iter().filter_map(|part| rows.values(&part.regressor, &[])).collect()
 }
 
 /// Returns the product of two columns.

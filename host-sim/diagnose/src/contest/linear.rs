@@ -8,10 +8,10 @@ use super::bank::{Bank, Workspace};
 use super::cause::channel::channel_gain;
 use super::cause::{CHANNEL_GAIN, Variant};
 use super::entry::{Entry, Origin};
-use super::law::{COULOMB, LawPart, OFFSET, STRIBECK, Shapes, VISCOUS, rigid_parts};
+use super::law::{COULOMB, LawPart, OFFSET, STRIBECK, Shapes, VISCOUS, law_columns, rigid_parts};
 use super::ledger::{Hypothesis, Ledger};
 use super::rows::{MAX_CONSTANT_SHARE, Rows, within_runs};
-use crate::left_out::{LeftOut, MOST_FITS, STRETCHES, unit_of};
+use crate::left_out::{LeftOut, MOST_FITS, STRETCHES, unit};
 use friction_fit::Measurement;
 use friction_fit::linear::{Factor, LinearModel, LinearTerm};
 use std::borrow::Cow;
@@ -109,7 +109,7 @@ pub(crate) fn plain(rows: &Rows) -> LinearAnswer {
     if parts.len() == 2 {
         parts.push(LawPart::new(OFFSET, [Factor::One]));
     }
-    let judged = JudgedByRun::of_law(rows, rows.law_columns(&parts));
+    let judged = JudgedByRun::of_law(rows, law_columns(rows, &parts));
     let all: Vec<usize> = (0..parts.len()).collect();
     let terms = parts.iter().zip(judged.bank.fit(&all)).map(|(part, size)| part.term(size));
     LinearAnswer {
@@ -293,7 +293,7 @@ impl<'a> JudgedByRun<'a> {
 
 /// Returns the folds of the blocks: whole runs or stretches, as the driver's law is held out, so that both err on equal rows.
 fn folds(rows: &Rows) -> Vec<usize> {
-    if unit_of(&rows.tracks) == LeftOut::Runs {
+    if unit(&rows.tracks) == LeftOut::Runs {
         return rows.run_of_block.iter().map(|run| run % MOST_FITS).collect();
     }
     let stretch = |(block, run): (usize, &usize)| {

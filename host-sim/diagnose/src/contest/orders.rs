@@ -432,11 +432,11 @@ mod tests {
     /// Returns the example with positions that span `factor` times as much, and a wave of the position as its torque.
     fn with_wave(factor: f64, order: f64) -> Rows {
         let mut rows = example();
-        rows.position.iter_mut().for_each(|q| *q *= factor);
+        rows.motion.position.iter_mut().for_each(|q| *q *= factor);
         rows.swing *= factor;
         rows.span *= factor;
-        rows.velocity.iter_mut().for_each(|v| *v *= 10.0);
-        rows.smooth_velocity = rows.velocity.clone();
+        rows.motion.velocity.iter_mut().for_each(|v| *v *= 10.0);
+        rows.motion.smooth_velocity = rows.velocity.clone();
         rows.torque = rows.position.iter().map(|q| (order * q + 0.4).sin()).collect();
         rows
     }

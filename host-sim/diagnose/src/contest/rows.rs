@@ -7,13 +7,12 @@
 //! each run can still be judged.
 
 use super::covariate::{Covariate, covariates};
-use super::law::LawPart;
 use compensator_core::TermKind;
 use friction_fit::linear::{Inputs, Motion, Regressor};
 use friction_fit::{Track, white_noise};
 use joint_log::statistics::{extent, quantile_by_count};
 use joint_log::{Dataset, Quantity, segments};
-use std::ops::{Deref, DerefMut, Range};
+use std::ops::{Deref, Range};
 
 /// Fewest runs that are left out whole.
 const MIN_RUNS_FOR_FOLDS: usize = 3;
@@ -244,11 +243,6 @@ impl Rows {
         regressor.values(&Inputs { motion: &self.motion, level, column: &find })
     }
 
-    /// Returns the columns of the parts of a law.
-    pub(crate) fn law_columns(&self, parts: &[LawPart]) -> Vec<Vec<f64>> {
-        parts.iter().filter_map(|part| self.values(&part.regressor, &[])).collect()
-    }
-
     /// Returns what columns with these coefficients leave of the torque, in all rows.
     pub(crate) fn residual(&self, columns: &[impl AsRef<[f64]>], sizes: &[f64]) -> Vec<f64> {
         let model = |row: usize| -> f64 {
@@ -268,12 +262,6 @@ impl Deref for Rows {
 
     fn deref(&self) -> &Motion {
         &self.motion
-    }
-}
-
-impl DerefMut for Rows {
-    fn deref_mut(&mut self) -> &mut Motion {
-        &mut self.motion
     }
 }
 

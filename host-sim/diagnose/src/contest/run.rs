@@ -5,10 +5,11 @@
 //! causes are in the model, and those that help get banks of their own.
 
 use super::bank::{Bank, Workspace};
+use super::cause::Waves;
 use super::cause::backlash::GapGrid;
 use super::correction::{Correction, tried};
 use super::draws::Draws;
-use super::entry::{Base, Entry, Origin, Waves};
+use super::entry::{Base, Entry, Origin};
 use super::kernel::{KernelLaw, KernelStart};
 use super::law::{Law, LawStart, Shapes};
 use super::ledger::{Hypothesis, Ledger};

@@ -93,6 +93,6 @@ pub(super) fn backlash(context: &Context) -> Vec<Columns> {
         let falling = behind.clone().times(Factor::Falling { velocity: width });
         plain(Detail::gap(found), vec![behind, falling])
     };
-    let gaps = context.waves.gaps.iter().flat_map(|gaps| gaps.best(context.base.travel));
+    let gaps = context.waves.gaps.iter().flat_map(|gaps| gaps.best(context.travel));
     gaps.map(variant).collect()
 }

@@ -37,8 +37,8 @@ fn forms(
         regressors: vec![regressor(covariate.late(late_s))],
     };
     let explains = |late_s: f64| {
-        let column = rows.values(&regressor(covariate.late(late_s)), &context.base.level.torque);
-        let residual = context.base.fit.residual.iter().copied();
+        let column = rows.values(&regressor(covariate.late(late_s)), context.level);
+        let residual = context.residual.iter().copied();
         correlation(column.unwrap_or_default().into_iter().zip(residual)).powi(2)
     };
     let mut found = vec![variant(Detail::Only, 0.0)];

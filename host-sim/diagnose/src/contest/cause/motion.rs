@@ -109,7 +109,7 @@ pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
 pub(super) fn warm_up(context: &Context) -> Vec<Columns> {
     let mut found = Vec::new();
     for cooling_s in COOLING_S {
-        let heat = heat(&context.rows.motion, &context.base.level.torque, cooling_s);
+        let heat = heat(&context.rows.motion, context.level, cooling_s);
         let large = quantile_by_count(heat, 0.9).unwrap_or_default() + 1e-12;
         for share in HEATS {
             let factor = Factor::Warmth { scale: share * large, cooling_s };
