@@ -37,7 +37,7 @@ mod weights;
 pub(crate) use cause::acts_through_bristles;
 pub use cause_key::CauseKey;
 pub use correction::Correction;
-pub use detail::{Detail, Gap, WaveKind};
+pub use detail::{Detail, Gap, SimulatedGap, WaveKind};
 pub(crate) use draws::DRAWS;
 pub(crate) use finalists::share_taken;
 pub use finalists::{Finalist, FinalistCause};

@@ -53,7 +53,7 @@ pub(super) fn check_torques(weighed: &mut [WeighedCause], outcome: &ContestOutco
 pub(super) fn check_sizes(weighed: &mut [WeighedCause], log: &TrainTest, offer: &Offer) {
     for realised in &offer.realised {
         let size = realised.cause.size(&extended_by(realised, offer, log));
-        let least = realised.cause.least_size(log);
+        let least = (realised.cause.least_size)(log);
         if let Some(cause) = weighed.iter_mut().find(|cause| realises(realised, cause)) {
             cause.check_size(&size, least);
         }
@@ -137,8 +137,8 @@ fn in_model(realised: &Realised, offer: &Offer, log: &TrainTest) -> Finding {
     let size = cause.size(&extended);
     Finding {
         in_words: cause.in_words(&size, &extended),
-        order: cause.order(&extended),
-        evidence: cause.evidence(&realised.columns, &extended),
+        order: (cause.order)(&extended),
+        evidence: (cause.evidence)(&realised.columns, &extended),
         columns: realised.columns.clone(),
         size,
         is_in_model: true,
