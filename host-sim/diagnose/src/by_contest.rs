@@ -26,6 +26,7 @@ use super::naming::{WeighedCause, weigh};
 use super::rigid_body_hint::RigidBodyHint;
 use super::train_test::TrainTest;
 use super::two_positions::TwoPositions;
+use choice::DriverModel;
 use friction_fit::spec::SpecError;
 use friction_fit::{Outcome, Predicted};
 use joint_log::Quantity;
@@ -97,7 +98,7 @@ pub fn answer(
     Ok(Answer {
         corrected: chosen.corrected.late,
         log_findings,
-        left_out: judged.leaves_each_out.then(|| unit(judged)),
+        left_out: judged.leaves_each_out.then(|| unit(&judged.train_tracks)),
         baseline: models.baseline,
         before: models.before,
         extension,
@@ -210,15 +211,17 @@ impl Models {
         self.offer.iter_mut().for_each(|offer| offer.outcome.doubt_beside(simpler));
     }
 
-    /// Returns the base model on held-out rows, and whether the law is possible.
-    fn base(&self, log: &TrainTest) -> (&Predicted, bool) {
-        (&self.before, is_possible(&self.baseline.parameters, log))
+    /// Returns the base model as it competes.
+    fn base(&self, log: &TrainTest) -> DriverModel<'_> {
+        let is_possible = is_possible(&self.baseline.parameters, log);
+        DriverModel { held_out: &self.before, is_possible }
     }
 
-    /// Returns the same of the extended model.
-    fn extended(&self, log: &TrainTest) -> Option<(&Predicted, bool)> {
+    /// Returns the extended model as it competes.
+    fn extended(&self, log: &TrainTest) -> Option<DriverModel<'_>> {
         let offer = self.offer.as_ref()?;
-        Some((&offer.after, is_possible(&offer.outcome.parameters, log)))
+        let is_possible = is_possible(&offer.outcome.parameters, log);
+        Some(DriverModel { held_out: &offer.after, is_possible })
     }
 
     /// Returns the extended model as it is reported.

@@ -3,9 +3,9 @@
 //! A candidate is a term of the core with the regressors by which the torque would change if it acted. A linear fit gives their
 //! coefficients, where the fit of the whole model begins. A term with a parameter that does not enter linearly, such as the time
 //! constant of a run-in, has a candidate for each setting of a coarse grid. The orders of a ripple and the gap of a backlash come
-//! from the contest instead ([`FoundSettings`]). A cause whose log column is missing or constant has no candidate.
+//! from the contest instead ([`Detail`]). A cause whose log column is missing or constant has no candidate.
 
-use super::contest::Gap;
+use super::contest::Detail;
 use super::sensitivities::{Exact, Sensitivities};
 use super::train_test::{FollowedColumn, TrainTest};
 use compensator_core::{ParameterId, Parameters, Sample, TermKind};
@@ -136,17 +136,8 @@ pub struct FitContext<'a> {
     pub spec: &'a Spec,
     /// Sensitivities of the model along the log.
     pub at: &'a Sensitivities,
-    /// Settings that the contest has found.
-    pub found: FoundSettings,
-}
-
-/// Settings of nonlinear causes that are known before a fit.
-#[derive(Clone, Debug, Default)]
-pub struct FoundSettings {
-    /// Orders of a ripple, 1/rad or 1/m.
-    pub orders: Vec<f64>,
-    /// Gap of a backlash, if it was found.
-    pub gap: Option<Gap>,
+    /// What the contest has found of the cause: the orders of a ripple, the gap of a backlash.
+    pub found: &'a Detail,
 }
 
 impl FitContext<'_> {

@@ -114,21 +114,21 @@ pub struct Cause {
     covariate: Option<&'static str>,
     is_named: bool,
     /// The least size that is physically possible on a log; `None` if any size is.
-    least_size: fn(&TrainTest) -> Option<f64>,
+    pub(crate) least_size: fn(&TrainTest) -> Option<f64>,
     /// The size at which the cause has no effect; NaN if no size tells that.
-    no_effect_size: f64,
+    pub(crate) no_effect_size: f64,
     /// The ways in which it may enter the driver's law beside a fitted model; none where its columns are not in the log.
-    candidates: fn(&FitContext) -> Vec<Candidate>,
+    pub(crate) candidates: fn(&FitContext) -> Vec<Candidate>,
     /// How large it is in the extended model; `None` for the first parameter of its term.
     size: Option<fn(&Extended) -> Size>,
     /// Of a periodic cause, its order.
-    order: fn(&Extended) -> Option<WaveOrder>,
+    pub(crate) order: fn(&Extended) -> Option<WaveOrder>,
     /// A sentence of the meaning and the size.
     words: fn(&str, &Size, &Extended) -> String,
     /// Where it shows, for the columns that it follows.
-    evidence: fn(&[String], &Extended) -> Option<Evidence>,
+    pub(crate) evidence: fn(&[String], &Extended) -> Option<Evidence>,
     /// What to measure next where it was found, following these columns; nothing, where the model decides.
-    next_experiment: fn(&[String]) -> Option<String>,
+    pub(crate) next_experiment: fn(&[String]) -> Option<String>,
 }
 
 impl Cause {
@@ -194,39 +194,16 @@ impl Cause {
         self.is_named
     }
 
-    /// Returns what to measure next where it was found, following these columns; `None` where the model decides.
-    pub fn next_experiment(&self, columns: &[String]) -> Option<String> {
-        (self.next_experiment)(columns)
-    }
-
-    pub(crate) fn least_size(&self, log: &TrainTest) -> Option<f64> {
-        (self.least_size)(log)
-    }
-
-    pub(crate) fn no_effect_size(&self) -> f64 {
-        self.no_effect_size
-    }
-
-    pub(crate) fn candidates(&self, context: &FitContext) -> Vec<Candidate> {
-        (self.candidates)(context)
-    }
-
+    /// Returns how large it is in the extended model.
     pub(crate) fn size(&self, extended: &Extended) -> Size {
         let first = || self.remedy.term().and_then(|term| term.parameters().first());
         let of_term = || first().map_or_else(Size::default, |id| extended.size(*id));
         self.size.map_or_else(of_term, |size| size(extended))
     }
 
-    pub(crate) fn order(&self, extended: &Extended) -> Option<WaveOrder> {
-        (self.order)(extended)
-    }
-
+    /// Returns a sentence of its meaning and a size.
     pub(crate) fn in_words(&self, size: &Size, extended: &Extended) -> String {
         (self.words)(self.meaning_of(size.value), size, extended)
-    }
-
-    pub(crate) fn evidence(&self, columns: &[String], extended: &Extended) -> Option<Evidence> {
-        (self.evidence)(columns, extended)
     }
 }
 

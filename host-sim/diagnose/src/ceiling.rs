@@ -299,7 +299,7 @@ mod tests {
     /// Returns the error of the linear law on a log, and the ceiling.
     fn ceiling(torque_nm: impl Fn(&LogRow) -> f64) -> (f64, Ceiling) {
         let log = HandMadeLog::new(torque_nm).train_test();
-        let way = unit(&log);
+        let way = unit(&log.train_tracks);
         let predicted = one_step_left_out(&log, &log, &linear_base(&log));
         (predicted.metrics.rmse, Ceiling::new(&log, Some(way), &predicted, None))
     }

@@ -42,13 +42,6 @@ impl ErrorReduction {
         Self { value, error, observations }
     }
 
-    /// Returns the lower bound, two standard errors below the value, Nm^2.
-    ///
-    /// A large reduction from a few blocks has a lower bound than one on which all blocks agree.
-    pub fn at_least(&self) -> f64 {
-        self.value - 2.0 * self.error
-    }
-
     /// Returns the reduction in standard errors.
     pub fn in_standard_errors(&self) -> f64 {
         if self.error > 0.0 { self.value / self.error } else { 0.0 }

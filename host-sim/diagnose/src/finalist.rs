@@ -9,10 +9,10 @@
 
 mod linear_fit;
 
-use super::candidate::{Candidate, FitContext, FoundSettings};
+use super::candidate::{Candidate, FitContext};
 use super::cause::{self, Cause};
 use super::contest::{
-    Detail, Finalist, FinalistCause, Gap, LawStart, SMALLEST_LEVEL, acts_through_bristles,
+    Detail, Finalist, FinalistCause, Gap, LawStart, SMALLEST_LEVEL, WaveKind, acts_through_bristles,
 };
 use super::left_out::one_step_left_out;
 use super::model::{FittedModel, changed};
@@ -92,13 +92,11 @@ pub fn law_parameters(
         let info = id.info();
         parameters.set(id, value.clamp(info.lower, info.upper));
     };
-    // A backlash has a stop of its own, behind the gap.
-    let gap = gap(causes);
-    let behind: f64 = causes
-        .iter()
-        .filter(|cause| cause.key.cause == "backlash")
-        .map(|cause| cause.sizes[0])
-        .sum();
+    // A gap has a stop of its own behind it. A simulated backlash has none: its coefficient is no torque.
+    let with_gap = causes.iter().find(|cause| gap(&cause.detail).is_some());
+    let behind = with_gap.map_or(0.0, |cause| cause.sizes[0]);
+    let travel =
+        with_gap.and_then(|cause| gap(&cause.detail)).map_or(start.travel, |gap| gap.travel);
     let coulomb = (start.coulomb + behind).max(SMALLEST_LEVEL * scales.torque);
     let level = coulomb + start.static_excess;
     set(Id::CoulombTorque, coulomb);
@@ -107,7 +105,7 @@ pub fn law_parameters(
     set(Id::StaticTorqueNegative, level);
     set(Id::StribeckVelocity, start.stribeck_velocity);
     set(Id::ViscousFriction, start.viscous);
-    set(Id::BristleStiffness, level / gap.map_or(start.travel, |gap| gap.travel).max(1e-12));
+    set(Id::BristleStiffness, level / travel.max(1e-12));
     set(Id::BristleDamping, LITTLE_DAMPING * typical_value(Id::BristleDamping, &scales));
     set(Id::TemperatureReference, scales.temperature_c);
     Ok(parameters)
@@ -223,8 +221,7 @@ pub fn fit_finalist(
     let at_once = fit_start(log, with_causes(log, finalist, &first, &meant)?)?;
     let error = |fitted: &FittedFinalist| fitted.held_out.metrics.rmse.powi(2);
     let before = one_step_left_out(log, log, base).metrics.rmse.powi(2);
-    let promised = 1.0 - (finalist.rmse / finalist.law_rmse.max(f64::MIN_POSITIVE)).powi(2);
-    if meant.is_empty() || 1.0 - error(&at_once) / before >= KEPT * promised {
+    if meant.is_empty() || 1.0 - error(&at_once) / before >= KEPT * finalist.promised() {
         return Ok(at_once);
     }
     let mut from = fit_start(log, first)?;
@@ -349,16 +346,15 @@ fn entrants(
     for found in meant.iter().map(|place| &finalist.causes[*place]) {
         let Some(cause) = cause::named(found.key.cause) else { continue };
         let Some(term) = cause.remedy().term() else { continue };
-        let gap = gap(std::slice::from_ref(found));
-        let settings = FoundSettings { orders: found.detail.orders().to_vec(), gap };
-        let context = FitContext { log, spec, at, found: settings };
+        let context = FitContext { log, spec, at, found: &found.detail };
         let is_used =
             context.has(term) || entrants.iter().any(|entrant| entrant.candidates[0].term == term);
         if is_used || spec.terms.len() + spec.rigid_body.len() + entrants.len() >= MAX_TERMS {
             continue;
         }
-        let candidates = cause.candidates(&context).into_iter();
-        let candidates = candidates.filter(|candidate| is_variant(candidate, found));
+        let candidates = (cause.candidates)(&context).into_iter();
+        let has_phase = has_common_phase(log, &found.detail);
+        let candidates = candidates.filter(|candidate| has_phase && is_variant(candidate, found));
         let entrant = Entrant { cause, candidates: candidates.collect() };
         if !entrant.candidates.is_empty() {
             entrants.push(entrant);
@@ -374,11 +370,42 @@ fn is_variant(candidate: &Candidate, found: &FinalistCause) -> bool {
     found.key.columns == [follows.column.as_str()] && follows.level == of_level
 }
 
-/// Returns gap and travel of a backlash among the causes.
-fn gap(causes: &[FinalistCause]) -> Option<Gap> {
-    let backlash = causes.iter().find(|cause| cause.key.cause == "backlash")?;
-    match backlash.detail {
-        Detail::Gap(gap) => Some(gap),
+/// Returns false for waves with another phase in each run, unless the runs were shifted to a common one.
+fn has_common_phase(log: &TrainTest, detail: &Detail) -> bool {
+    let is_free = matches!(detail, Detail::Waves { kind: WaveKind::FreePhase, .. });
+    !is_free || log.aligned_order.is_some()
+}
+
+/// Returns the gap of a backlash that was found as a shape.
+fn gap(detail: &Detail) -> Option<Gap> {
+    match detail {
+        Detail::Gap(gap) => Some(*gap),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contest::CauseKey;
+    use crate::fixtures::{HandMadeLog, bristle_torque};
+
+    #[test]
+    fn law_parameters_beside_simulated_backlash_keep_the_coulomb_torque() {
+        let log = HandMadeLog::new(bristle_torque).train_test();
+        let start = LawStart { name: "lugre", coulomb: 0.4, travel: 0.01, ..LawStart::default() };
+        let coulomb = |detail: Detail| {
+            let cause = FinalistCause {
+                key: CauseKey { cause: "backlash", columns: Vec::new() },
+                detail,
+                sizes: vec![0.9],
+                torque_rms: 0.1,
+                torque_rms_error: 0.0,
+            };
+            let spec = Spec::law(LawKind::Lugre);
+            law_parameters(&spec, &start, &[cause], &log).unwrap().get(Id::CoulombTorque)
+        };
+        assert_eq!(coulomb(Detail::Form("gap 1e-3 after the reversal".into())), 0.4);
+        assert_eq!(coulomb(Detail::Gap(Gap { gap: 1e-3, travel: 0.01 })), 1.3);
     }
 }

@@ -31,7 +31,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> Option<String> {
         return None;
     }
     let rows = moving_rows(diagnosis);
-    let mean = rows.iter().map(|row| row[1]).sum::<f64>() / rows.len().max(1) as f64;
+    let mean = rows.iter().map(|row| row.load).sum::<f64>() / rows.len().max(1) as f64;
     let parts = rows.chunks(rows.len().div_ceil(PARTS).max(1));
     let slopes: Vec<f64> = parts.filter_map(|part| slope(part, mean)).collect();
     if slopes.len() < PARTS {
@@ -41,7 +41,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> Option<String> {
     let squares: f64 = slopes.iter().map(|slope| (slope - typical).powi(2)).sum();
     let error = (squares / (PARTS * (PARTS - 1)) as f64).sqrt();
     let left = |of: f64| -> f64 {
-        rows.iter().map(|[way, load, residual]| (residual - of * way * (load - mean)).powi(2)).sum()
+        rows.iter().map(|row| (row.residual - of * row.along_load(mean)).powi(2)).sum()
     };
     let share = 1.0 - left(all) / left(0.0);
     let (unit, percent) = (joint.torque_unit(), significant(100.0 * share, 2));
@@ -54,33 +54,48 @@ pub fn sentence(diagnosis: &Diagnosis) -> Option<String> {
     })
 }
 
-/// Returns direction, magnitude of the torque of gravity, and residual of the rows in which the joint moves.
-fn moving_rows(diagnosis: &Diagnosis) -> Vec<[f64; 3]> {
+/// A row in which the joint moves.
+struct MovingRow {
+    /// Sign of the velocity.
+    direction: f64,
+    /// Magnitude of the torque of gravity, Nm or N.
+    load: f64,
+    /// What the base law leaves, Nm or N.
+    residual: f64,
+}
+
+impl MovingRow {
+    /// Returns the load above its mean, along the motion.
+    fn along_load(&self, mean: f64) -> f64 {
+        self.direction * (self.load - mean)
+    }
+}
+
+/// Returns the rows in which the joint moves.
+fn moving_rows(diagnosis: &Diagnosis) -> Vec<MovingRow> {
     let parameters = &diagnosis.baseline.parameters;
     let [sine, cosine] =
         [ParameterId::GravitySine, ParameterId::GravityCosine].map(|id| parameters.get(id));
     let tracks = || diagnosis.log.test_tracks.iter().zip(&diagnosis.before.residuals);
     let samples = || tracks().flat_map(|(track, residual)| track.samples.iter().zip(residual));
-    let speed = |velocity: f64| velocity.abs();
-    let largest = samples().map(|(sample, _)| speed(sample.velocity_rad_s)).fold(0.0, f64::max);
-    let moves = |velocity: f64| speed(velocity) > MIN_SPEED_SHARE * largest;
+    let largest = samples().map(|(sample, _)| sample.velocity_rad_s.abs()).fold(0.0, f64::max);
     samples()
-        .filter(|(sample, _)| moves(sample.velocity_rad_s))
+        .filter(|(sample, _)| sample.velocity_rad_s.abs() > MIN_SPEED_SHARE * largest)
         .map(|(sample, residual)| {
             let angle = sample.position_rad;
-            let gravity = sine * angle.sin() + cosine * angle.cos();
-            [sample.velocity_rad_s.signum(), gravity.abs(), *residual]
+            let load = (sine * angle.sin() + cosine * angle.cos()).abs();
+            MovingRow { direction: sample.velocity_rad_s.signum(), load, residual: *residual }
         })
         .collect()
 }
 
 /// Returns the slope of the residual over the load times the direction; `None` if the load does not change.
-fn slope(rows: &[[f64; 3]], mean: f64) -> Option<f64> {
+fn slope(rows: &[MovingRow], mean: f64) -> Option<f64> {
     let (mut xx, mut xy) = (0.0, 0.0);
-    for [way, load, residual] in rows {
-        let x = way * (load - mean);
+    for row in rows {
+        let x = row.along_load(mean);
         xx += x * x;
-        xy += x * residual;
+        xy += x * row.residual;
     }
     (xx > 0.0).then(|| xy / xx)
 }

@@ -21,6 +21,7 @@ use friction_fit::{
     FitOptions, Measurement, Metrics, Outcome, Predicted, Rows, Scales, Track, identify_robustly,
     predict,
 };
+use joint_log::Run;
 use joint_log::number::significant;
 
 /// Difference of the squared errors, in standard errors, within which the simpler of two models is handed over.
@@ -278,12 +279,8 @@ pub(super) fn linear_on(
     original: &TrainTest,
     answer: &LinearAnswer,
 ) -> Predicted {
-    let (tracks, residual, firsts) = if judged.leaves_each_out {
-        (
-            &judged.train_tracks,
-            answer.held_out.clone(),
-            first_rows(judged.train.runs.iter().map(|run| run.len())),
-        )
+    let (data, tracks, residual) = if judged.leaves_each_out {
+        (&judged.train, &judged.train_tracks, answer.held_out.clone())
     } else {
         let data = &original.test;
         let measured = data.runs.iter().flat_map(|run| run.torque.iter());
@@ -293,23 +290,19 @@ pub(super) fn linear_on(
             .zip(predicted)
             .map(|(torque, predicted)| sign * (torque - predicted))
             .collect();
-        (&judged.test_tracks, residual, first_rows(data.runs.iter().map(|run| run.len())))
+        (data, &judged.test_tracks, residual)
     };
+    let mut rest = residual.as_slice();
+    let of_run = |run: &Run| {
+        let (of_run, others) = rest.split_at(run.len());
+        rest = others;
+        of_run
+    };
+    let by_run: Vec<&[f64]> = data.runs.iter().map(of_run).collect();
     let torque = |track: &Track| -> Vec<f64> {
-        let left = &residual[firsts[track.run] + track.first_row..];
+        let left = &by_run[track.run][track.first_row..];
         track.torque.iter().zip(left).map(|(torque, left)| torque - left).collect()
     };
     let torques = tracks.iter().map(torque).collect();
     Predicted::of_torque(Rows { tracks, decimate: judged.decimate }, torques)
-}
-
-/// Returns the first row of each run in long columns.
-fn first_rows(lengths: impl Iterator<Item = usize>) -> Vec<usize> {
-    let mut next = 0;
-    lengths
-        .map(|length| {
-            next += length;
-            next - length
-        })
-        .collect()
 }

@@ -67,7 +67,7 @@ const DIVERGED: f64 = 1.02;
 pub fn one_step_left_out(fitted: &TrainTest, judged: &TrainTest, model: &FittedModel) -> Predicted {
     let (fitted, judged) =
         (&*fitted.following(model.follows.as_ref()), &*judged.following(model.follows.as_ref()));
-    let way = unit(judged);
+    let way = unit(&judged.train_tracks);
     let of_track = |track: &Track| -> Vec<usize> {
         (0..track.len().div_ceil(judged.decimate))
             .map(|row| group(judged, track, row * judged.decimate, way))
@@ -194,13 +194,8 @@ fn metrics(log: &TrainTest, whole: &Predicted) -> Metrics {
     }))
 }
 
-/// Returns the rows that are held out of a log at a time.
-pub fn unit(log: &TrainTest) -> LeftOut {
-    unit_of(&log.train_tracks)
-}
-
-/// As [`unit`], given the tracks.
-pub(crate) fn unit_of(tracks: &[Track]) -> LeftOut {
+/// Returns the rows that are held out of these tracks at a time.
+pub fn unit(tracks: &[Track]) -> LeftOut {
     let runs = run_count(tracks);
     if runs >= FEWEST_RUNS && !goes_beyond(tracks) { LeftOut::Runs } else { LeftOut::Stretches }
 }
@@ -235,7 +230,7 @@ mod tests {
         });
         let data = Dataset::from_columns(&names, runs).expect("the columns of a log");
         let parts = split(&data, &SplitRule::LeaveOneRunOut, 0).expect("runs to leave out");
-        unit(&TrainTest::new(&data, &parts, 1, &[]))
+        unit(&TrainTest::new(&data, &parts, 1, &[]).train_tracks)
     }
 
     #[test]
@@ -246,7 +241,7 @@ mod tests {
 
     /// Returns the held-out error of fits that have not seen the rows of each group.
     fn refitted_left_out(log: &TrainTest, model: &FittedModel) -> f64 {
-        assert_eq!(unit(log), LeftOut::Runs);
+        assert_eq!(unit(&log.train_tracks), LeftOut::Runs);
         let mut residuals = Vec::new();
         for run in 0..log.train.runs.len() {
             let mut others = log.clone();

@@ -80,7 +80,7 @@ impl WeighedCause {
             let why = format!("its size {} is below {least}, the least possible", size.in_words());
             self.reject(IMPOSSIBLE, Rejection::new(&rules::UNPHYSICAL, why));
         }
-        let no_effect = self.cause.no_effect_size();
+        let no_effect = self.cause.no_effect_size;
         if size.bounds().is_some_and(|[low, high]| (low..=high).contains(&no_effect)) {
             let why = format!("its size {} does not exclude no effect", size.in_words());
             self.reject(MAY_BE_NONE, Rejection::new(&rules::SPANS_NO_EFFECT, why));

@@ -37,6 +37,35 @@ pub enum Source {
     Tables(Vec<Table>),
 }
 
+impl Source {
+    /// Reads the log.
+    fn read(&self, options: &ReadOptions) -> Result<Dataset, Error> {
+        let progress = |done, total| work::report(Progress::Reading { done, total });
+        Ok(match self {
+            Self::Files(files) => {
+                let mut seen = HashSet::new();
+                if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
+                    return Err(Error::Twice(twice.clone()));
+                }
+                joint_log::read(files, options, &progress)?
+            }
+            Self::Contents(contents) => joint_log::read_contents(contents, options, &progress)?,
+            Self::Tables(tables) => read_tables(tables, options)?,
+        })
+    }
+
+    /// Returns the SHA-256 of each file, or of the contents of each table.
+    fn hashes(&self) -> Result<Vec<String>, Error> {
+        let of_content =
+            |content: &FileContent| hexadecimal(Sha256::new_with_prefix(&content.bytes));
+        match self {
+            Self::Files(files) => files.iter().map(|file| file_sha256(file)).collect(),
+            Self::Contents(contents) => Ok(contents.iter().map(of_content).collect()),
+            Self::Tables(tables) => Ok(tables.iter().map(table_sha256).collect()),
+        }
+    }
+}
+
 /// How a log is read, checked and split.
 #[derive(Clone, Debug)]
 pub struct PrepareOptions {
@@ -203,18 +232,7 @@ pub enum AsLoggedError {
 /// # Errors
 /// If the log cannot be read or split, or holds several joints ([`DataError::SeveralJoints`]).
 pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Error> {
-    let progress = |done, total| work::report(Progress::Reading { done, total });
-    let data = match source {
-        Source::Files(files) => {
-            let mut seen = HashSet::new();
-            if let Some(twice) = files.iter().find(|file| !seen.insert(*file)) {
-                return Err(Error::Twice(twice.clone()));
-            }
-            joint_log::read(files, &options.read, &progress)?
-        }
-        Source::Contents(contents) => joint_log::read_contents(contents, &options.read, &progress)?,
-        Source::Tables(tables) => read_tables(tables, &options.read)?,
-    };
+    let data = source.read(&options.read)?;
     work::report_stage("checking the log");
     log_check::refuse(&data)?;
     check_gravity(&data, &options.rigid_body)?;
@@ -232,16 +250,6 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
     if train.is_empty() || test.is_empty() {
         return Err(Error::NoSegment);
     }
-    let hashes = match source {
-        Source::Files(files) => {
-            files.iter().map(|file| file_sha256(file)).collect::<Result<_, _>>()?
-        }
-        Source::Contents(contents) => contents
-            .iter()
-            .map(|content| hexadecimal(Sha256::new_with_prefix(&content.bytes)))
-            .collect(),
-        Source::Tables(tables) => tables.iter().map(table_sha256).collect(),
-    };
     let has_spikes = data.runs.iter().any(|run| !run.torque_spikes.is_empty());
     // Where most rows of a held channel are left out, the others are too sparse for reversals: a few large errors there.
     let is_sparse = log_findings
@@ -254,7 +262,7 @@ pub fn prepare(source: &Source, options: &PrepareOptions) -> Result<Prepared, Er
         split,
         train,
         test,
-        hashes,
+        hashes: source.hashes()?,
         log_findings,
         overview,
         rigid_body: options.rigid_body.clone(),

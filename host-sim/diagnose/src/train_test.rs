@@ -9,8 +9,8 @@ use compensator_core::TermKind;
 use compensator_core::term::LookupFormula;
 use friction_fit::linear::has_campaign_clock;
 use friction_fit::{
-    ChannelGain, Rows, Scales, TorqueLowPass, Track, campaign_start, record_earlier_stretches,
-    tracks_since,
+    ChannelGain, Metrics, Rows, Scales, TorqueLowPass, Track, campaign_start,
+    record_earlier_stretches, tracks_since,
 };
 use joint_log::{Dataset, Quantity, Split, contract};
 use std::borrow::Cow;
@@ -220,15 +220,15 @@ impl TrainTest {
     /// Returns the rows at rest if a law is less accurate there than in motion.
     ///
     /// A joint at rest holds a torque that depends on its past. A law without bristles does not
-    /// predict it, and a law with bristles predicts it from the angle only. `squares` returns the
-    /// law's squared error on the included training rows, and their number.
-    pub fn worse_at_rest(&self, squares: impl Fn(&Self) -> (f64, usize)) -> Option<AtRest> {
+    /// predict it, and a law with bristles predicts it from the angle only. `errors` returns the
+    /// law's errors on the included training rows.
+    pub fn worse_at_rest(&self, errors: impl Fn(&Self) -> Metrics) -> Option<AtRest> {
         let slowest = REST * Scales::of(&self.train_tracks).speed;
-        let (moving, count) = squares(&self.clone().excluding(slowest));
-        let (all, rows) = squares(self);
-        let at_rest = (all - moving) / rows.saturating_sub(count).max(1) as f64;
-        let as_good = rows == count || at_rest < WORSE_AT_REST * moving / count.max(1) as f64;
-        (!as_good).then(|| AtRest { slowest, rows: rows - count })
+        let [moving, all] = [errors(&self.clone().excluding(slowest)), errors(self)];
+        let rows = all.rows.saturating_sub(moving.rows);
+        let at_rest = (all.sse - moving.sse) / rows.max(1) as f64;
+        let in_motion = moving.sse / moving.rows.max(1) as f64;
+        (rows > 0 && at_rest >= WORSE_AT_REST * in_motion).then_some(AtRest { slowest, rows })
     }
 
     /// Returns the log without the rows at rest, with a note on them.

@@ -84,15 +84,8 @@ fn segment_track(
             }
         })
         .collect();
-    let mut steps: Vec<f64> =
-        run.time_s[rows.clone()].windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let period_s = quantile_by_count(steps.clone(), 0.5).unwrap_or_default().max(1e-9);
-    let uneven = steps.iter().any(|step| (step / period_s - 1.0).abs() > EVEN_SPACING_TOLERANCE);
-    let period_ratio = uneven.then(|| {
-        // A coarse clock may repeat a time stamp: the step is small, not 0.
-        steps.insert(0, period_s);
-        steps.iter().map(|step| (step / period_s).max(0.01)).collect()
-    });
+    let Periods { period_s, period_ratio } = Periods::of(&run.time_s[rows.clone()]);
+    let spikes = run.torque_spikes.iter().take(rows.end).skip(rows.start);
     Track {
         run: index,
         first_row: rows.start,
@@ -101,19 +94,36 @@ fn segment_track(
         period_s,
         period_ratio,
         weights: Vec::new(),
-        torque_spikes: run
-            .torque_spikes
-            .iter()
-            .take(rows.end)
-            .skip(rows.start)
-            .map(|s| *s > 0.0)
-            .collect(),
+        torque_spikes: spikes.map(|spike| *spike > 0.0).collect(),
         velocity_is_exact: run.velocity_is_smooth && run.velocity_draws.is_empty(),
         covariates: run.extra.iter().map(|column| column[rows.clone()].to_vec()).collect(),
         velocity_draws: row_range(&run.velocity_draws, &rows),
         motion_error: Vec::new(),
         torque_low_pass: TorqueLowPass::default(),
         earlier_stretches: Arc::default(),
+    }
+}
+
+/// Spacing of the rows of a segment.
+struct Periods {
+    /// Median period.
+    period_s: f64,
+    /// Ratio of each row's period to it; `None` if the spacing is even.
+    period_ratio: Option<Vec<f64>>,
+}
+
+impl Periods {
+    fn of(time_s: &[f64]) -> Self {
+        let mut steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let period_s = quantile_by_count(steps.clone(), 0.5).unwrap_or_default().max(1e-9);
+        let is_uneven =
+            steps.iter().any(|step| (step / period_s - 1.0).abs() > EVEN_SPACING_TOLERANCE);
+        let period_ratio = is_uneven.then(|| {
+            // A coarse clock may repeat a time stamp: the step is small, not 0.
+            steps.insert(0, period_s);
+            steps.iter().map(|step| (step / period_s).max(0.01)).collect()
+        });
+        Self { period_s, period_ratio }
     }
 }
 

@@ -9,6 +9,9 @@ use super::treatment::treatment_of;
 /// Absolute correlation above which two parameters are reported as confounded: the data determine a combination only.
 const CONFOUNDED_CORRELATION: f64 = 0.98;
 
+/// Fewest presliding rows that determine the bristles.
+const MIN_PRESLIDING_ROWS: f64 = 10.0;
+
 /// Returns the notes that a user should read before using the estimates.
 pub(super) fn verdicts(outcome: &Outcome, predicted: &Predicted, tracks: &[Track]) -> Vec<String> {
     let mut notes = Vec::new();
@@ -50,7 +53,7 @@ pub(super) fn verdicts(outcome: &Outcome, predicted: &Predicted, tracks: &[Track
 /// Returns a note if the bristles never saturate, or never move.
 fn bristle_note(predicted: &Predicted, tracks: &[Track]) -> Option<String> {
     let rows: usize = tracks.iter().map(Track::len).sum();
-    let sliding_rows = predicted.presliding * rows as f64;
+    let presliding_rows = predicted.presliding * rows as f64;
     if predicted.saturation < 0.9 {
         return Some(format!(
             "the bristle never saturates: it reaches at most {:.0} % of the Coulomb level and acts as \
@@ -58,7 +61,7 @@ fn bristle_note(predicted: &Predicted, tracks: &[Track]) -> Option<String> {
             100.0 * predicted.saturation
         ));
     }
-    (sliding_rows < 10.0).then(|| {
+    (presliding_rows < MIN_PRESLIDING_ROWS).then(|| {
         "the bristle is always fully slipping: steady sliding does not determine its stiffness and \
          damping"
             .to_owned()

@@ -90,6 +90,9 @@ pub(super) fn single(name: &str) -> Message {
     declare(name, Message::default().bytes(1, Message::default().integer(1, 1)))
 }
 
+/// Key and value of a model, for the caller.
+pub(super) type Entry = (&'static str, String);
+
 /// Builds a graph. The result of each operator has a unique name.
 #[derive(Default)]
 pub(super) struct Builder {
@@ -176,18 +179,17 @@ impl Builder {
         })
     }
 
-    /// Returns the ONNX model of the graph, encoded. `entries` are keys and values for the caller.
+    /// Returns the ONNX model of the graph, encoded.
     pub fn model(
         self,
         name: &str,
         doc_string: String,
         [inputs, outputs]: [Vec<Message>; 2],
-        entries: &[(&str, String)],
+        entries: &[Entry],
     ) -> Vec<u8> {
         let graph = Message::default().each(1, self.nodes).bytes(2, name).each(5, self.tensors);
         let graph = graph.each(11, inputs).each(12, outputs);
-        let entry =
-            |(key, value): &(&str, String)| Message::default().bytes(1, key).bytes(2, value);
+        let entry = |(key, value): &Entry| Message::default().bytes(1, key).bytes(2, value);
         let model = Message::default().integer(1, IR_VERSION).bytes(2, "host-sim");
         let model = model.bytes(6, doc_string).bytes(7, graph);
         let operators = Message::default().integer(2, OPERATOR_SET_VERSION);

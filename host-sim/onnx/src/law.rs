@@ -10,7 +10,7 @@
 //! `bristle_torque_nm`. It is the bisection of the core, unrolled, so that neither graph needs control flow.
 
 use super::OnnxError;
-use super::graph::{Builder, Message, per_joint, single};
+use super::graph::{Builder, Entry, Message, per_joint, single};
 use compensator_core::TermKind;
 use friction_fit::params::ParameterFile;
 use friction_results::export::ExportedModel;
@@ -39,7 +39,6 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
         JointKind::Prismatic => " The joint is prismatic: rad means m, and Nm means N.",
     };
     let name = file.compensated_name();
-    let next: Vec<String> = state.iter().map(|field| next(field)).collect();
     let mut note = format!("one step: inputs {}, dt_s", inputs.join(", "));
     if !state.is_empty() {
         note += &format!(
@@ -62,34 +61,40 @@ pub(super) fn export(file: &ParameterFile, source: &str) -> Result<ExportedModel
         format!("One step of the friction model {name} in {source}: {note}; {start_rule}.{units}");
     let entries =
         [("model", name.clone()), ("inputs", inputs.join(",")), ("state", state.join(","))];
-    let mut graph = Graph::default();
-    let torque = graph.run(&step);
-    graph.output(&torque, "torque_nm");
-    for (field, next) in state.iter().zip(&next) {
-        let value = graph.value(&Expr::state(field));
-        graph.output(&value, next);
-    }
-    let outputs = std::iter::once("torque_nm").chain(next.iter().map(String::as_str));
-    let declared = declare_inputs(inputs.iter().chain(&state));
-    let interface = [declared, outputs.map(per_joint).collect()];
-    let content = graph.builder.model("friction_step", doc, interface, &entries);
+    let content = step_graph(&step, &inputs, doc, &entries);
     let mut exported = ExportedModel::new(content, vec![note, start_rule]);
     if let Some(start) = start {
         let doc = format!(
             "Start of the friction model {name} in {source}: the bristle torque from which one step with the same inputs returns \
              measured_torque_nm, as far as the level permits.{units}"
         );
-        let mut graph = Graph::default();
-        let held = graph.run(&start);
-        graph.output(&held, BRISTLE_TORQUE);
         let others = state.iter().filter(|field| **field != BRISTLE_TORQUE);
         let mut declared = declare_inputs(inputs.iter().chain(others));
         declared.push(per_joint(MEASURED_TORQUE));
+        let mut graph = Graph::default();
+        let held = graph.run(&start);
+        graph.output(&held, BRISTLE_TORQUE);
         let interface = [declared, vec![per_joint(BRISTLE_TORQUE)]];
         let content = graph.builder.model("friction_start", doc, interface, &entries);
         exported.further_files.push((START_FILE, content));
     }
     Ok(exported)
+}
+
+/// Returns the graph of one step, encoded: the torque, and the next value of each field of the state.
+fn step_graph(step: &Program, inputs: &[&'static str], doc: String, entries: &[Entry]) -> Vec<u8> {
+    let state = step.state();
+    let mut graph = Graph::default();
+    let torque = graph.run(step);
+    graph.output(&torque, "torque_nm");
+    let mut outputs = vec![per_joint("torque_nm")];
+    for field in &state {
+        let (value, next) = (graph.value(&Expr::state(field)), next(field));
+        graph.output(&value, &next);
+        outputs.push(per_joint(&next));
+    }
+    let declared = declare_inputs(inputs.iter().chain(&state));
+    graph.builder.model("friction_step", doc, [declared, outputs], entries)
 }
 
 /// Returns the name of the output with the next value of a field of the state.

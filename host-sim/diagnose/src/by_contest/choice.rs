@@ -87,10 +87,19 @@ impl Search<'_> {
     }
 }
 
-/// The models that compete, on held-out rows. Those with the driver's law come with whether the law is possible.
+/// A model with the driver's law.
+#[derive(Clone, Copy)]
+pub(super) struct DriverModel<'o> {
+    /// The model on held-out rows.
+    pub(super) held_out: &'o Predicted,
+    /// True if its law is physically possible.
+    pub(super) is_possible: bool,
+}
+
+/// The models that compete, on held-out rows.
 struct Competing<'o> {
-    base: (&'o Predicted, bool),
-    extended: Option<(&'o Predicted, bool)>,
+    base: DriverModel<'o>,
+    extended: Option<DriverModel<'o>>,
     plain: &'o Predicted,
     linear: Option<&'o Predicted>,
 }
@@ -98,9 +107,8 @@ struct Competing<'o> {
 impl<'o> Competing<'o> {
     /// Chooses for a PC. `is_free` is true if no model was asked for.
     fn on_pc(&self, tracks: &[Track], is_free: bool) -> HandedOver {
-        let possible = |(held_out, is_possible): (&'o Predicted, bool)| {
-            (is_possible || !is_free).then_some(held_out)
-        };
+        let possible =
+            |model: DriverModel<'o>| (model.is_possible || !is_free).then_some(model.held_out);
         let models = [
             (HandedOver::Plain, is_free.then_some(self.plain)),
             (HandedOver::Baseline, possible(self.base)),
@@ -115,8 +123,8 @@ impl<'o> Competing<'o> {
     /// joint judges what is possible there.
     fn in_driver(&self, tracks: &[Track], is_free: bool, on_pc: HandedOver) -> HandedOver {
         let models = [
-            (HandedOver::Baseline, Some(self.base.0)),
-            (HandedOver::Extended, self.extended.map(|(held_out, _)| held_out)),
+            (HandedOver::Baseline, Some(self.base.held_out)),
+            (HandedOver::Extended, self.extended.map(|model| model.held_out)),
             (HandedOver::Plain, is_free.then_some(self.plain)),
         ];
         match on_pc {
@@ -127,11 +135,12 @@ impl<'o> Competing<'o> {
 
     /// Returns the driver's model on held-out rows.
     fn of_driver(&self, in_driver: HandedOver) -> &'o Predicted {
-        let extended = self.extended.map(|(held_out, _)| held_out);
         match in_driver {
             HandedOver::Plain => self.plain,
-            HandedOver::Baseline => self.base.0,
-            HandedOver::Extended | HandedOver::Linear => extended.unwrap_or(self.plain),
+            HandedOver::Baseline => self.base.held_out,
+            HandedOver::Extended | HandedOver::Linear => {
+                self.extended.map_or(self.plain, |model| model.held_out)
+            }
         }
     }
 }

@@ -169,11 +169,10 @@ impl CorrectedRows {
 
     /// Returns the rows without those at rest in the evaluation, if a model is less accurate there than in motion.
     pub(super) fn without_rest(self, model: &FittedModel) -> Self {
-        let squares = |log: &TrainTest| {
-            let metrics = predict(&model.parameters, log.train_rows(), model.resolution).metrics;
-            (metrics.sse, metrics.rows)
+        let errors = |log: &TrainTest| {
+            predict(&model.parameters, log.train_rows(), model.resolution).metrics
         };
-        match self.judged.worse_at_rest(squares) {
+        match self.judged.worse_at_rest(errors) {
             Some(at_rest) => Self { judged: self.judged.without(&at_rest), ..self },
             None => self,
         }

@@ -1,9 +1,9 @@
 //! The findings of a diagnosis: the named causes with the size that the extended model gives them, and the checks of sizes that
 //! lower a probability.
 
-use super::search::{Chosen, taken};
+use super::search::Chosen;
 use super::{Models, Offer};
-use crate::contest::{DRAWS, FinalistCause, Outcome as ContestOutcome, Rows};
+use crate::contest::{DRAWS, FinalistCause, Outcome as ContestOutcome, Rows, share_taken};
 use crate::extended::{Extended, Size};
 use crate::finalist::Realised;
 use crate::finding::Finding;
@@ -53,7 +53,7 @@ pub(super) fn check_torques(weighed: &mut [WeighedCause], outcome: &ContestOutco
 pub(super) fn check_sizes(weighed: &mut [WeighedCause], log: &TrainTest, offer: &Offer) {
     for realised in &offer.realised {
         let size = realised.cause.size(&extended_by(realised, offer, log));
-        let least = realised.cause.least_size(log);
+        let least = (realised.cause.least_size)(log);
         if let Some(cause) = weighed.iter_mut().find(|cause| realises(realised, cause)) {
             cause.check_size(&size, least);
         }
@@ -62,11 +62,10 @@ pub(super) fn check_sizes(weighed: &mut [WeighedCause], log: &TrainTest, offer: 
 
 /// Sets what the driver's law keeps less than the linear promise.
 pub(super) fn set_shortfall(weighed: &mut [WeighedCause], chosen: &Chosen, models: &Models) {
-    let kept = models
-        .offer
-        .as_ref()
-        .map_or(0.0, |offer| taken(models.before.metrics.rmse, offer.after.metrics.rmse));
-    let shortfall = (1.0 - kept / chosen.promised().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let taken = |offer: &Offer| share_taken(models.before.metrics.rmse, offer.after.metrics.rmse);
+    let kept = models.offer.as_ref().map_or(0.0, taken);
+    let promised = chosen.hypothesis.promised().max(f64::MIN_POSITIVE);
+    let shortfall = (1.0 - kept / promised).clamp(0.0, 1.0);
     for cause in weighed.iter_mut().filter(|cause| cause.is_named()) {
         cause.shortfall = Some(shortfall);
     }
@@ -138,8 +137,8 @@ fn in_model(realised: &Realised, offer: &Offer, log: &TrainTest) -> Finding {
     let size = cause.size(&extended);
     Finding {
         in_words: cause.in_words(&size, &extended),
-        order: cause.order(&extended),
-        evidence: cause.evidence(&realised.columns, &extended),
+        order: (cause.order)(&extended),
+        evidence: (cause.evidence)(&realised.columns, &extended),
         columns: realised.columns.clone(),
         size,
         is_in_model: true,

@@ -21,7 +21,7 @@ use friction_fit::{Loss, Outcome, Predicted, autocorrelation_time, predict};
 /// The hypothesis that was chosen, fitted to the excerpt.
 pub(super) struct Chosen {
     /// The hypothesis.
-    hypothesis: Finalist,
+    pub(super) hypothesis: Finalist,
     /// The log with its corrections.
     pub(super) corrected: CorrectedRows,
     /// A part of the corrected log.
@@ -40,16 +40,6 @@ impl Chosen {
         let base = resolved(&self.excerpt, &self.base);
         Self { corrected: CorrectedRows { memory_rows, ..self.corrected }, base, ..self }
     }
-
-    /// Returns the share of the squared error that the causes take by the linear promise.
-    pub(super) fn promised(&self) -> f64 {
-        taken(self.hypothesis.law_rmse, self.hypothesis.rmse)
-    }
-}
-
-/// Returns the share of a squared error that is taken, from RMS errors.
-pub(super) fn taken(before: f64, after: f64) -> f64 {
-    1.0 - (after / before.max(f64::MIN_POSITIVE)).powi(2)
 }
 
 /// What the choice among the finalists is made from.
@@ -105,7 +95,7 @@ impl Search<'_> {
             finalist.causes.iter().filter(|cause| is_meant(cause)).cloned().collect();
         let law = law_kind(&finalist.law, &causes);
         let base = self.base(&excerpt(&corrected.fitted), &finalist.law, law)?;
-        let corrected = self.weighed_beside(&base, corrected, has_free_phase(&causes));
+        let corrected = self.weighed_beside(&base, corrected, free_phase_order(&causes));
         let excerpt = excerpt(&corrected.fitted);
         let fit = |law: LawKind| {
             let law = LawFit { base: &base, spec: &self.spec(law), delay_s: corrected.delay_s };
@@ -126,10 +116,11 @@ impl Search<'_> {
         &self,
         base: &FittedModel,
         corrected: CorrectedRows,
-        has_free_phase: bool,
+        free_phase_order: Option<f64>,
     ) -> CorrectedRows {
-        let aligned = has_free_phase.then(|| unknown_zero::aligned(&corrected.judged, base));
-        let corrected = match aligned.flatten() {
+        let aligned = free_phase_order
+            .and_then(|order| unknown_zero::aligned(&corrected.judged, base, order));
+        let corrected = match aligned {
             Some(aligned) => corrected.aligned(&aligned),
             None => corrected,
         };
@@ -213,11 +204,12 @@ impl Search<'_> {
     }
 }
 
-/// Returns true if a ripple has another phase in each run.
-fn has_free_phase(causes: &[FinalistCause]) -> bool {
-    let is_free =
-        |detail: &Detail| matches!(detail, Detail::Waves { kind: WaveKind::FreePhase, .. });
-    causes.iter().any(|cause| is_free(&cause.detail))
+/// Returns the order of a ripple with another phase in each run.
+fn free_phase_order(causes: &[FinalistCause]) -> Option<f64> {
+    causes.iter().find_map(|cause| match &cause.detail {
+        Detail::Waves { orders, kind: WaveKind::FreePhase } => orders.first().copied(),
+        _ => None,
+    })
 }
 
 /// Returns true if a cause of a finalist is named.

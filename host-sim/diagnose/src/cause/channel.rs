@@ -103,7 +103,7 @@ pub(super) const TEMPERATURE_VISCOUS: Cause = Cause {
     covariate: Some(TEMPERATURE),
     candidates: |context| {
         let (term, other) = (TermKind::TemperatureViscous, TermKind::TemperatureCoulomb);
-        of_temperature(context, (term, Id::TemperatureViscosity), other, |r| r.viscous)
+        of_temperature(context, term, Id::TemperatureViscosity, other, |r| r.viscous)
     },
     evidence: |_, _| {
         Plane::new(
@@ -126,7 +126,7 @@ pub(super) const TEMPERATURE_COULOMB: Cause = Cause {
     acts_on: LEVELS,
     candidates: |context| {
         let (term, other) = (TermKind::TemperatureCoulomb, TermKind::TemperatureViscous);
-        of_temperature(context, (term, Id::TemperatureCoulomb), other, |r| r.level)
+        of_temperature(context, term, Id::TemperatureCoulomb, other, |r| r.level)
     },
     evidence: |_, _| {
         Plane::new(
@@ -187,7 +187,8 @@ fn where_varying(context: &FitContext, column: &str, candidate: Candidate) -> Ve
 /// the temperature, both share its reference.
 fn of_temperature(
     context: &FitContext,
-    (term, coefficient): (TermKind, Id),
+    term: TermKind,
+    coefficient: Id,
     other: TermKind,
     part: fn(&Row) -> f64,
 ) -> Vec<Candidate> {

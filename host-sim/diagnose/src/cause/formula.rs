@@ -40,6 +40,16 @@ fn differ(sorted: &[f64], count: usize) -> bool {
     1 + sorted.windows(2).filter(|pair| pair[0] != pair[1]).count() >= count
 }
 
+/// A formula with its numbers.
+#[derive(Clone, Copy)]
+struct Shape {
+    formula: LookupFormula,
+    /// Relative rise over the column's range.
+    rise: f64,
+    /// Scale of a saturation, as a share of the range.
+    scale: f64,
+}
+
 /// Returns the candidates of all formulas over one column. `values` are some of its values, sorted,
 /// in the core's unit.
 pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
@@ -49,17 +59,20 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
     if !followed.is_covariate() || !differ(values, FEWEST_VALUES) {
         return Vec::new();
     }
-    let mut shapes: Vec<(LookupFormula, f64, f64)> = Vec::new();
+    let line = Shape { formula: LookupFormula::Linear, rise: 1.0, scale: 1.0 };
+    let mut shapes: Vec<Shape> = Vec::new();
     if !has_named_line(followed.quantity) {
-        shapes.push((LookupFormula::Linear, 1.0, 1.0));
+        shapes.push(line);
     }
     if differ(values, FEWEST_VALUES + 1) {
-        shapes.extend(SCALES.map(|scale| (LookupFormula::Saturating, 1.0, scale)));
+        let formula = LookupFormula::Saturating;
+        shapes.extend(SCALES.map(|scale| Shape { formula, scale, ..line }));
         if followed.quantity != Quantity::Temperature {
-            shapes.extend(FACTORS.map(|factor| (LookupFormula::Exponential, factor - 1.0, 1.0)));
+            let formula = LookupFormula::Exponential;
+            shapes.extend(FACTORS.map(|factor| Shape { formula, rise: factor - 1.0, ..line }));
         }
     }
-    let of = |(formula, rise, scale): (LookupFormula, f64, f64)| {
+    let candidate = |Shape { formula, rise, scale }: Shape| {
         let quantity = followed.quantity;
         let along = move |row: &Row| (Followed::read(quantity, row) - least) / (most - least);
         // Change of the torque per unit of the rise.
@@ -92,7 +105,7 @@ pub fn candidates(followed: &Followed, values: &[f64]) -> Vec<Candidate> {
             .keeping(&fixed)
             .following(follows)
     };
-    shapes.into_iter().map(of).collect()
+    shapes.into_iter().map(candidate).collect()
 }
 
 /// Returns the number of a formula in the core.

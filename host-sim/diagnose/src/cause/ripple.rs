@@ -23,7 +23,7 @@ pub(super) const POSITION_RIPPLE: Cause = Cause {
     no_effect_size: f64::NAN,
     candidates: |context| {
         let position = context.log.position_name();
-        context.found.orders.iter().map(|order| level_wave(position, *order)).collect()
+        context.found.orders().iter().map(|order| level_wave(position, *order)).collect()
     },
     size: Some(|extended| extended.amplitude(Id::RippleSine, Id::RippleCosine)),
     order: |extended| order_of(extended, Id::RippleOrder),
@@ -47,7 +47,7 @@ pub(super) const TORQUE_RIPPLE: Cause = Cause {
     effect: "sines and cosines of several orders of the position, in both directions alike.",
     no_effect_size: f64::NAN,
     candidates: |context| {
-        let orders = &context.found.orders;
+        let orders = context.found.orders();
         let most = &orders[..orders.len().min(TORQUE_RIPPLE_ORDERS)];
         match most {
             [] => Vec::new(),

@@ -167,31 +167,40 @@ fn heats(context: &FitContext) -> Vec<Candidate> {
     if !context.log.has_campaign_clock() || context.log.varies("temperature_c") {
         return Vec::new();
     }
-    let Some((length_s, power)) = typical_run(&context.log.train_tracks) else { return Vec::new() };
-    let within_runs = COOLING.into_iter().flat_map(|cooling| {
+    let Some(run) = TypicalRun::of(&context.log.train_tracks) else { return Vec::new() };
+    let of_cooling = |cooling: f64| {
         // Heat that remains at the end of a run of constant power.
-        let held = power * length_s * cooling * (1.0 - (-1.0 / cooling).exp());
-        ENERGIES.map(|share| (share * held, cooling * length_s))
-    });
-    within_runs.map(|(energy, cooling)| heat(context, energy, cooling)).collect()
+        let held_j = run.power_w * run.length_s * cooling * (1.0 - (-1.0 / cooling).exp());
+        ENERGIES.map(|share| heat(context, share * held_j, cooling * run.length_s))
+    };
+    COOLING.into_iter().flat_map(of_cooling).collect()
 }
 
-/// Returns the median length of the tracks, s, and their mean dissipation, W; `None` if one is not
-/// positive.
-fn typical_run(tracks: &[Track]) -> Option<(f64, f64)> {
-    let length = |track: &Track| {
-        let ratios = track.period_ratio.as_ref();
-        let rows = ratios.map_or(track.len() as f64, |ratios| ratios.iter().sum());
-        rows * track.period_s
-    };
-    let middle = quantile_by_count(tracks.iter().map(length).collect(), 0.5).unwrap_or_default();
-    let rows: usize = tracks.iter().map(Track::len).sum();
-    let power = |track: &Track| -> f64 {
-        let both = track.samples.iter().zip(&track.torque);
-        both.map(|(sample, torque)| sample.velocity_rad_s * torque).sum()
-    };
-    let mean = tracks.iter().map(power).sum::<f64>() / rows.max(1) as f64;
-    (mean > 0.0 && middle > 0.0).then_some((middle, mean))
+/// What the runs of a log have in common.
+struct TypicalRun {
+    /// Median length of the tracks.
+    length_s: f64,
+    /// Mean dissipation.
+    power_w: f64,
+}
+
+impl TypicalRun {
+    /// Returns what tracks have in common; `None` if a figure is not positive.
+    fn of(tracks: &[Track]) -> Option<Self> {
+        let length = |track: &Track| {
+            let ratios = track.period_ratio.as_ref();
+            let rows = ratios.map_or(track.len() as f64, |ratios| ratios.iter().sum());
+            rows * track.period_s
+        };
+        let length_s = quantile_by_count(tracks.iter().map(length).collect(), 0.5)?;
+        let rows: usize = tracks.iter().map(Track::len).sum();
+        let power = |track: &Track| -> f64 {
+            let both = track.samples.iter().zip(&track.torque);
+            both.map(|(sample, torque)| sample.velocity_rad_s * torque).sum()
+        };
+        let power_w = tracks.iter().map(power).sum::<f64>() / rows.max(1) as f64;
+        (power_w > 0.0 && length_s > 0.0).then_some(Self { length_s, power_w })
+    }
 }
 
 /// Returns a candidate with this energy, J, and this cooling time, s.

@@ -171,35 +171,57 @@ fn values(log: &TrainTest, followed: &Followed) -> Vec<f64> {
     values
 }
 
+/// Where the knots of a curve are, in the unit of its column.
+struct KnotPlaces {
+    least: f64,
+    most: f64,
+    /// Distance between two knots.
+    width: f64,
+    /// The knot nearest the median.
+    median: usize,
+}
+
+impl KnotPlaces {
+    /// Spreads the knots over sorted values; `None` if they are all equal.
+    fn over(values: &[f64]) -> Option<Self> {
+        let (least, most) = (*values.first()?, *values.last()?);
+        if most <= least {
+            return None;
+        }
+        let width = (most - least) / (LOOKUP_KNOTS - 1) as f64;
+        let middle = values[((values.len() - 1) as f64 * 0.5) as usize];
+        let median = (((middle - least) / width).round() as usize).min(LOOKUP_KNOTS - 1);
+        Some(Self { least, most, width, median })
+    }
+
+    fn at(&self, knot: usize) -> f64 {
+        self.least + knot as f64 * self.width
+    }
+}
+
 /// Returns a curve over one column, of which some sorted values are given; `None` if they are all
 /// equal.
 fn curve(followed: &Followed, values: &[f64], way: Way) -> Option<Candidate> {
     let Way { level, proportional, pins } = way;
-    let last = values.len().checked_sub(1)?;
-    let at = |share: f64| values.get((last as f64 * share) as usize).copied();
-    let (least, median, most) = (at(0.0)?, at(0.5)?, at(1.0)?);
-    if most <= least {
-        return None;
-    }
-    let width = (most - least) / (LOOKUP_KNOTS - 1) as f64;
-    let pinned = (((median - least) / width).round() as usize).min(LOOKUP_KNOTS - 1);
+    let places = KnotPlaces::over(values)?;
+    let (width, pinned) = (places.width, places.median);
     let (free_knots, others) = (knots(level), knots(!level));
     let quantity = followed.quantity;
     let read = move |row: &Row| Followed::read(quantity, row);
     let factor = quantity.info().outside_scale;
     let mut guesses = vec![
         (Id::LookupColumn, InitialGuess::At(followed.number())),
-        (Id::LookupLower, InitialGuess::At(least * factor)),
-        (Id::LookupUpper, InitialGuess::At(most * factor)),
+        (Id::LookupLower, InitialGuess::At(places.least * factor)),
+        (Id::LookupUpper, InitialGuess::At(places.most * factor)),
     ];
     if pins {
         guesses.push((free_knots[pinned], InitialGuess::At(0.0)));
     }
     let mut regressors = Vec::new();
     for (knot, id) in free_knots.iter().enumerate().filter(|(knot, _)| !pins || *knot != pinned) {
-        let centre = least + knot as f64 * width;
+        let centre = places.at(knot);
         if proportional {
-            let from = if pins { least + pinned as f64 * width } else { 0.0 };
+            let from = if pins { places.at(pinned) } else { 0.0 };
             guesses.push((*id, InitialGuess::first_times(centre - from)));
             continue;
         }

@@ -47,21 +47,23 @@ pub struct Workspace {
 
 impl Bank {
     /// Computes the products of columns, given in all rows of the log, over the judged rows.
-    pub fn new(rows: &Rows, columns: &[&[f64]]) -> Self {
+    pub fn new(rows: &Rows, columns: &[impl AsRef<[f64]> + Sync]) -> Self {
         Self::of_target(rows, columns, &rows.torque, &rows.fold_of_block)
     }
 
     /// Computes the products for another target, in all rows, and other folds of the blocks.
     pub fn of_target(
         rows: &Rows,
-        columns: &[&[f64]],
+        columns: &[impl AsRef<[f64]> + Sync],
         target: &[f64],
         fold_of_block: &[usize],
     ) -> Self {
         let size = columns.len() + 1;
-        let scale: Vec<f64> = columns.par_iter().map(|column| rms(rows, column)).collect();
-        let scaled: Vec<(&[f64], f64)> =
-            columns.iter().copied().zip(scale.iter().copied()).chain([(target, 1.0)]).collect();
+        let scale: Vec<f64> = columns.par_iter().map(|column| rms(rows, column.as_ref())).collect();
+        let scaled = columns.iter().zip(&scale);
+        let scaled =
+            scaled.map(|(column, scale)| Scaled { column: column.as_ref(), by: 1.0 / scale });
+        let scaled: Vec<Scaled> = scaled.chain([Scaled { column: target, by: 1.0 }]).collect();
         let block = |judged: &Range<usize>| products(rows, &scaled, judged.clone());
         let blocks: Vec<DMatrix<f64>> = rows.blocks.par_iter().map(block).collect();
         let fold_count = fold_of_block.iter().max().map_or(0, |most| most + 1);
@@ -104,8 +106,9 @@ impl Bank {
     }
 
     /// Returns the held-out squared error of some columns in every block.
-    pub fn block_errors(&self, columns: &[usize], work: &mut Workspace) -> Vec<f64> {
-        self.solve(columns, work);
+    pub fn block_errors(&self, columns: &[usize]) -> Vec<f64> {
+        let mut work = Workspace::default();
+        self.solve(columns, &mut work);
         let error = |(block, fold): (&DMatrix<f64>, &usize)| {
             let coefficients = &work.coefficients[fold / LANES];
             let coefficients: Vec<[f64; 1]> =
@@ -117,9 +120,10 @@ impl Bank {
     }
 
     /// Returns the coefficients of some columns, fitted to all rows, in the columns' own units.
-    pub fn fit(&self, columns: &[usize], work: &mut Workspace) -> Vec<f64> {
-        self.solve(columns, work);
-        self.sizes(columns, work)
+    pub fn fit(&self, columns: &[usize]) -> Vec<f64> {
+        let mut work = Workspace::default();
+        self.solve(columns, &mut work);
+        self.sizes(columns, &work)
     }
 
     /// Returns the coefficients of the columns that were evaluated last, fitted to all rows, in the columns' own units.
@@ -128,9 +132,10 @@ impl Bank {
     }
 
     /// Returns the coefficients of some columns, fitted without each fold, in the columns' own units.
-    pub fn fits_without_fold(&self, columns: &[usize], work: &mut Workspace) -> Vec<Vec<f64>> {
-        self.solve(columns, work);
-        (0..self.fold_count).map(|fold| self.sizes_without(fold, columns, work)).collect()
+    pub fn fits_without_fold(&self, columns: &[usize]) -> Vec<Vec<f64>> {
+        let mut work = Workspace::default();
+        self.solve(columns, &mut work);
+        (0..self.fold_count).map(|fold| self.sizes_without(fold, columns, &work)).collect()
     }
 
     fn sizes_without(&self, fold: usize, columns: &[usize], work: &Workspace) -> Vec<f64> {
@@ -224,8 +229,14 @@ fn rms(rows: &Rows, column: &[f64]) -> f64 {
     (squares / rows.judged.len().max(1) as f64).sqrt() + 1e-300
 }
 
-/// Returns the products of columns, each divided by its scale.
-fn products(rows: &Rows, columns: &[(&[f64], f64)], judged: Range<usize>) -> DMatrix<f64> {
+/// A column, and what its values are multiplied by.
+struct Scaled<'a> {
+    column: &'a [f64],
+    by: f64,
+}
+
+/// Returns the products of scaled columns over some judged rows.
+fn products(rows: &Rows, columns: &[Scaled], judged: Range<usize>) -> DMatrix<f64> {
     let size = columns.len();
     let mut sum = DMatrix::zeros(size, size);
     let mut values = Vec::new();
@@ -236,18 +247,17 @@ fn products(rows: &Rows, columns: &[(&[f64], f64)], judged: Range<usize>) -> DMa
         let weights: Vec<f64> = judged_rows.iter().map(|row| rows.weights[*row]).collect();
         let range = rows.judged_range(part);
         values.clear();
-        for (column, scale) in columns.iter().copied() {
-            let scale = 1.0 / scale;
+        for Scaled { column, by } in columns {
             match &range {
                 Some(range) => {
                     let weighted = column[range.clone()].iter().zip(&weights);
-                    values.extend(weighted.map(|(value, weight)| value * weight * scale));
+                    values.extend(weighted.map(|(value, weight)| value * weight * by));
                 }
                 None => values.extend(
                     judged_rows
                         .iter()
                         .zip(&weights)
-                        .map(|(row, weight)| rows.judged_value(column, *row) * weight * scale),
+                        .map(|(row, weight)| rows.judged_value(column, *row) * weight * by),
                 ),
             }
         }
@@ -304,7 +314,7 @@ mod tests {
         let mut work = Workspace::default();
         let found = bank.error(&[0, 2], &mut work);
         assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
-        let blocks = bank.block_errors(&[0, 2], &mut work);
+        let blocks = bank.block_errors(&[0, 2]);
         assert!((blocks.iter().sum::<f64>() / found - 1.0).abs() < 1e-9);
     }
 }

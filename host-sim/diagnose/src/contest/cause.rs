@@ -8,7 +8,7 @@
 //! and between them as the law has it.
 
 pub mod backlash;
-mod channel;
+pub(crate) mod channel;
 mod motion;
 pub mod ripple;
 pub mod simulated;
@@ -20,9 +20,10 @@ use super::law::Shapes;
 use super::orders::RippleOrders;
 use super::rows::Rows;
 use backlash::GapGrid;
-use friction_fit::linear::{Factor, Inputs, Regressor};
+use friction_fit::linear::{Factor, Regressor};
 use joint_log::work::checkpoint;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A way in which a cause may enter a model.
 #[derive(Clone, Debug)]
@@ -31,17 +32,50 @@ pub struct Variant {
     pub key: CauseKey,
     /// What distinguishes the variant: orders, rows of delay, shape.
     pub detail: Detail,
-    /// What its columns are, where they mean the same on another log; empty for columns of a simulation.
-    pub regressors: Vec<Regressor>,
-    /// Its columns in all rows.
-    pub columns: Vec<Vec<f64>>,
+    /// What its columns are.
+    pub source: ColumnSource,
     /// Prior cost: the share of the error that the variant must take to be worth its place.
     pub price: f64,
     /// Sign of its first coefficient that is physically possible; 0 if both are.
     pub sign: f64,
 }
 
+/// What the columns of a variant are.
+#[derive(Clone, Debug)]
+pub enum ColumnSource {
+    /// Regressors, which mean the same on another log.
+    Regressors(Vec<Regressor>),
+    /// A simulation of the driver's law: its column in all rows.
+    Simulated(Arc<[f64]>),
+}
+
 impl Variant {
+    /// Returns the number of its columns.
+    pub fn width(&self) -> usize {
+        match &self.source {
+            ColumnSource::Regressors(regressors) => regressors.len(),
+            ColumnSource::Simulated(_) => 1,
+        }
+    }
+
+    /// Returns its regressors; none for a simulation.
+    pub(crate) fn regressors(&self) -> &[Regressor] {
+        match &self.source {
+            ColumnSource::Regressors(regressors) => regressors,
+            ColumnSource::Simulated(_) => &[],
+        }
+    }
+
+    /// Returns its columns in all rows, beside a friction level; `None` if the log lacks one that it needs.
+    pub(crate) fn columns(&self, rows: &Rows, level: &[f64]) -> Option<Vec<Vec<f64>>> {
+        match &self.source {
+            ColumnSource::Regressors(regressors) => {
+                regressors.iter().map(|regressor| rows.values(regressor, level)).collect()
+            }
+            ColumnSource::Simulated(column) => Some(vec![column.to_vec()]),
+        }
+    }
+
     /// Returns true if the variant is a cause of friction, and not a fault of the log.
     pub fn is_cause(&self) -> bool {
         self.key.cause != CHANNEL_GAIN
@@ -54,15 +88,26 @@ impl Variant {
         is_curve
             || ["torque-ripple", "position-ripple", "gravity-imbalance"].contains(&self.key.cause)
     }
+}
 
-    /// Returns the RMS of the torque that these coefficients contribute on the judged rows.
-    pub(crate) fn torque_rms(&self, rows: &Rows, sizes: &[f64]) -> f64 {
-        let torque = |row: usize| -> f64 {
-            self.columns.iter().zip(sizes).map(|(column, size)| column[row] * size).sum()
-        };
-        let squares: f64 = rows.judged.iter().map(|row| torque(*row).powi(2)).sum();
-        (squares / rows.judged.len().max(1) as f64).sqrt()
+/// A variant with its columns in all rows.
+pub(crate) struct Built {
+    pub(crate) variant: Variant,
+    pub(crate) columns: Vec<Vec<f64>>,
+}
+
+impl Built {
+    /// Computes the columns; `None` if one of them is missing or unusable.
+    fn new(variant: Variant, rows: &Rows, level: &[f64]) -> Option<Self> {
+        let columns = variant.columns(rows, level)?;
+        let is_built = !columns.is_empty() && columns.iter().all(|column| is_usable(column));
+        is_built.then_some(Self { variant, columns })
     }
+}
+
+/// Returns true if a column is finite and not 0 everywhere.
+fn is_usable(column: &[f64]) -> bool {
+    column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0)
 }
 
 /// Returns true if a cause acts through the bristles of a law: a gap, an age of the contact and a changing side load. A law
@@ -81,12 +126,18 @@ pub struct Context<'a> {
     pub travel: usize,
     /// Friction level of the law.
     pub level: &'a [f64],
-    /// Gaps and travels of a backlash.
-    pub gaps: &'a GapGrid,
-    /// Orders of the waves that are tried, in lists that were found in different residuals.
-    pub orders: &'a [RippleOrders],
-    /// What the law leaves, as the torque channel would log it.
+    /// What the law leaves of the log as it is.
     pub residual: &'a [f64],
+    /// What the nonlinear causes are chosen from.
+    pub(crate) waves: &'a Waves,
+}
+
+/// What the nonlinear causes are chosen from.
+pub(crate) struct Waves {
+    /// Orders of the waves that are tried, in lists that were found in different residuals.
+    pub(crate) orders: Vec<RippleOrders>,
+    /// Gaps of a backlash, for a log with a position.
+    pub(crate) gaps: Option<GapGrid>,
 }
 
 /// A row of the table.
@@ -157,31 +208,27 @@ const CAUSES: &[CauseRow] = &[
     cause("encoder-error", MIMIC, ANY_SIGN, ripple::encoder_error),
 ];
 
-/// Returns the variants of all causes that the log's columns allow. A column that does not vary or is not finite makes none.
-pub fn variants(context: &Context) -> Vec<Variant> {
-    let is_usable = |column: &Vec<f64>| {
-        column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0)
-    };
-    let find = |name: &str| context.rows.column(name);
-    let inputs = Inputs { motion: &context.rows.motion, level: context.level, column: &find };
-    let of_cause = |row: &CauseRow| -> Vec<Variant> {
+/// Returns the variants of all causes beside a law: those of the table, and those that the law simulates in place of their shapes.
+pub(crate) fn variants(context: &Context, simulated: &[Variant]) -> Vec<Built> {
+    let rows = context.rows;
+    let of_cause = |row: &CauseRow| -> Vec<Built> {
         checkpoint();
-        let variant = |form: Columns| {
-            let columns = form.regressors.iter().map(|regressor| regressor.values(&inputs));
-            let columns: Vec<Vec<f64>> = columns.collect::<Option<_>>()?;
-            let is_usable = !columns.is_empty() && columns.iter().all(is_usable);
-            is_usable.then(|| Variant {
-                key: CauseKey { cause: row.name, columns: form.follows },
-                detail: form.detail,
-                price: row.price + COLUMN_PRICE * (columns.len() - 1) as f64,
-                regressors: form.regressors,
-                columns,
-                sign: row.sign,
-            })
+        if !simulated.is_empty() && acts_through_bristles(row.name) {
+            return Vec::new();
+        }
+        let variant = |form: Columns| Variant {
+            key: CauseKey { cause: row.name, columns: form.follows },
+            detail: form.detail,
+            price: row.price + COLUMN_PRICE * form.regressors.len().saturating_sub(1) as f64,
+            source: ColumnSource::Regressors(form.regressors),
+            sign: row.sign,
         };
-        (row.build)(context).into_iter().filter_map(variant).collect()
+        let built = (row.build)(context).into_iter().map(variant);
+        built.filter_map(|variant| Built::new(variant, rows, context.level)).collect()
     };
-    CAUSES.par_iter().flat_map_iter(of_cause).collect()
+    let mut built: Vec<Built> = CAUSES.par_iter().flat_map_iter(of_cause).collect();
+    built.extend(simulated.iter().cloned().filter_map(|variant| Built::new(variant, rows, &[])));
+    built
 }
 
 impl Context<'_> {

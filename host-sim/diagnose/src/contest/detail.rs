@@ -19,6 +19,8 @@ pub enum Detail {
     },
     /// A stop operator behind a gap.
     Gap(Gap),
+    /// A gap that was simulated with the driver's law.
+    SimulatedGap(SimulatedGap),
     /// A column that the friction level follows, or that adds a torque.
     Curve {
         /// True for the level.
@@ -35,6 +37,17 @@ pub struct Gap {
     pub gap: f64,
     /// Travel over which friction then builds up.
     pub travel: f64,
+}
+
+/// A gap in the driver's law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimulatedGap {
+    /// Travel with little stiffness, rad or m.
+    pub gap: f64,
+    /// True if it is crossed where the drive has unwound, false if right after a reversal.
+    pub is_unloaded: bool,
+    /// Stiffness of the bristles beside it, as a multiple of that of the law without a gap.
+    pub stiffness_ratio: f64,
 }
 
 /// What waves are waves of.
@@ -56,7 +69,7 @@ impl Detail {
     }
 
     /// Returns a gap and a travel, which are known to four digits.
-    pub(crate) fn gap(gap: f64, travel: f64) -> Self {
+    pub(crate) fn gap(Gap { gap, travel }: Gap) -> Self {
         Self::Gap(Gap { gap: to_four_digits(gap), travel: to_four_digits(travel) })
     }
 
@@ -94,6 +107,10 @@ impl fmt::Display for Detail {
                 write!(f, "order {}{kind}", orders.join(", "))
             }
             Self::Gap(Gap { gap, travel }) => write!(f, "gap {gap:.3e}, travel {travel:.3e}"),
+            Self::SimulatedGap(SimulatedGap { gap, is_unloaded, stiffness_ratio }) => {
+                let place = if *is_unloaded { "where unloaded" } else { "after the reversal" };
+                write!(f, "gap {gap:.3e} {place}, stiffness x {stiffness_ratio}")
+            }
             Self::Curve { of_level, shape } => {
                 f.write_str(if *of_level { "level" } else { "torque" })?;
                 if shape.is_empty() { Ok(()) } else { write!(f, ", {shape}") }

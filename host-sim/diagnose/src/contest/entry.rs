@@ -1,28 +1,21 @@
 //! One entry of the contest: the columns of a correction and a law, their products, and the search among them.
 
-use super::bank::{Bank, Workspace};
-use super::cause::backlash::GapGrid;
-use super::cause::{Context, Variant, acts_through_bristles, variants};
+use super::bank::Bank;
+use super::cause::{Built, Context, Variant, Waves, variants};
 use super::cause_key::CauseKey;
 use super::correction::Correction;
 use super::kernel::KernelLaw;
-use super::law::{Law, Shapes, WIDTHS, product};
+use super::law::{Law, LawPart, Shapes, WIDTHS, law_columns, product};
 use super::ledger::Hypothesis;
-use super::orders::RippleOrders;
 use super::rows::Rows;
 use super::search::Search;
 use compensator_core::Parameters;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::ops::Range;
 
 /// Prior cost of a correction.
 const CORRECTION_PRICE: f64 = 0.04;
-
-/// What the nonlinear causes are chosen from.
-pub(crate) struct Waves {
-    pub(crate) orders: Vec<RippleOrders>,
-    pub(crate) gaps: GapGrid,
-}
 
 /// What a base law was made from.
 #[derive(Clone)]
@@ -38,24 +31,20 @@ pub(crate) enum Origin {
 pub(crate) struct Base {
     /// Its name in reports.
     pub(crate) name: &'static str,
-    /// Its columns, before a correction.
+    /// Its columns; in an entry, as the torque channel logs them.
     pub(crate) columns: Vec<Vec<f64>>,
-    /// Friction torque over its RMS, positive in forward sliding.
-    pub(crate) level: Vec<f64>,
-    /// Factor from the friction torque to the level; negative if the friction drives the motion: the torque has the wrong sign.
-    pub(crate) level_scale: f64,
     /// True for a column whose coefficient cannot be negative.
     pub(crate) non_negative: Vec<bool>,
-    /// What the law leaves, fitted to all rows.
-    pub(crate) residual: Vec<f64>,
+    /// Its fit to the log as it is.
+    pub(crate) fit: Fitted,
+    /// Its friction level.
+    pub(crate) level: FrictionLevel,
     /// True if it has slip of a free shape: several stops, or falling functions beside the driver's law.
     pub(crate) has_slip: bool,
     /// What it was made from.
     pub(crate) origin: Origin,
     /// Simulated causes, which take the place of those of shape.
-    simulated: Arc<[Variant]>,
-    /// Coefficients of its columns, fitted to all rows.
-    pub(crate) sizes: Vec<f64>,
+    pub(crate) simulated: Vec<Variant>,
     /// Index of its main travel.
     pub(crate) travel: usize,
     /// Prior cost.
@@ -65,28 +54,25 @@ pub(crate) struct Base {
 impl Base {
     /// Returns a law of stops and falling functions.
     pub(crate) fn of_shapes(rows: &Rows, shapes: &Shapes, law: &Law) -> Self {
-        let columns = shapes.columns(rows, law);
-        let non_negative = shapes.non_negative(rows, law);
+        let parts = shapes.parts(rows, law);
+        let columns = law_columns(rows, &parts);
         // With any sign: a level that rises with the speed and a torque of the wrong sign are to be seen.
-        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
+        let fit = Fitted::new(rows, &columns);
         let stops = law.stops.len();
         let falls = stops + 1..stops + 1 + if law.has_falls { WIDTHS.len() } else { 0 };
         let of_friction = (0..columns.len()).filter(|at| *at < stops || falls.contains(at));
         let of_friction: Vec<usize> = of_friction.collect();
-        let level =
-            rows.map(|row| of_friction.iter().map(|at| columns[*at][row] * sizes[*at]).sum());
-        let (level, level_scale) = scaled_level(rows, level);
+        let friction =
+            rows.map(|row| of_friction.iter().map(|at| columns[*at][row] * fit.sizes[*at]).sum());
         Self {
             name: law.name,
             columns,
-            level,
-            level_scale,
-            non_negative,
-            residual,
-            sizes,
+            non_negative: parts.iter().map(LawPart::is_non_negative).collect(),
+            fit,
+            level: FrictionLevel::new(rows, friction),
             has_slip: law.stops.len() > 1,
             origin: Origin::Shapes(law.clone()),
-            simulated: Arc::from([]),
+            simulated: Vec::new(),
             travel: law.stops[0],
             price: law.price(),
         }
@@ -108,22 +94,15 @@ impl Base {
             columns.extend(shapes.falls.iter().map(|fall| product(&shapes.stops[travel], fall)));
             price = law.price();
         }
-        let non_negative = vec![false; columns.len()];
-        let Fitted { sizes, residual } = Fitted::new(rows, &columns);
-        let (level, level_scale) = scaled_level(rows, kernel.level.clone());
-        let name = if free.is_some() { "lugre with slip" } else { "lugre" };
-        let simulated = kernel.simulated.clone();
         Self {
-            name,
+            name: if free.is_some() { "lugre with slip" } else { "lugre" },
+            non_negative: vec![false; columns.len()],
+            fit: Fitted::new(rows, &columns),
             columns,
-            level,
-            level_scale,
-            non_negative,
-            residual,
-            sizes,
+            level: FrictionLevel::new(rows, kernel.level.clone()),
             has_slip: free.is_some(),
             origin: Origin::Kernel(Box::new(kernel.parameters.clone())),
-            simulated,
+            simulated: kernel.simulated.clone(),
             travel,
             price,
         }
@@ -131,43 +110,51 @@ impl Base {
 }
 
 /// A fit of columns to all rows.
-struct Fitted {
-    sizes: Vec<f64>,
-    residual: Vec<f64>,
+#[derive(Clone)]
+pub(crate) struct Fitted {
+    /// Coefficients of the columns.
+    pub(crate) sizes: Vec<f64>,
+    /// What they leave of the torque.
+    pub(crate) residual: Vec<f64>,
 }
 
 impl Fitted {
     fn new(rows: &Rows, columns: &[Vec<f64>]) -> Self {
-        let all: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let indices: Vec<usize> = (0..all.len()).collect();
-        let sizes = Bank::new(rows, &all).fit(&indices, &mut Workspace::default());
-        let model = |row: usize| all.iter().zip(&sizes).map(|(c, size)| c[row] * size).sum::<f64>();
-        let residual = rows.map(|row| rows.torque[row] - model(row));
-        Self { sizes, residual }
+        let all: Vec<usize> = (0..columns.len()).collect();
+        let sizes = Bank::new(rows, columns).fit(&all);
+        Self { residual: rows.residual(columns, &sizes), sizes }
     }
 }
 
-/// Returns a friction torque over its RMS, positive in forward sliding, and the factor to it: negative if the torque drives
-/// the motion.
-fn scaled_level(rows: &Rows, mut level: Vec<f64>) -> (Vec<f64>, f64) {
-    let squares: f64 = level.iter().map(|v| v * v).sum();
-    let along: f64 = level.iter().zip(&rows.velocity).map(|(a, b)| a * b).sum();
-    let scale = along.signum() / ((squares / level.len().max(1) as f64).sqrt() + 1e-300);
-    level.iter_mut().for_each(|v| *v *= scale);
-    (level, scale)
+/// A friction torque over its RMS, positive in forward sliding.
+#[derive(Clone)]
+pub(crate) struct FrictionLevel {
+    /// Its value in all rows, without a unit.
+    pub(crate) torque: Vec<f64>,
+    /// Factor from the friction torque to it; negative if the friction drives the motion: the torque has the wrong sign.
+    pub(crate) scale: f64,
 }
 
-/// Columns and products of one correction and law.
+impl FrictionLevel {
+    fn new(rows: &Rows, mut torque: Vec<f64>) -> Self {
+        let squares: f64 = torque.iter().map(|v| v * v).sum();
+        let along: f64 = torque.iter().zip(&rows.velocity).map(|(a, b)| a * b).sum();
+        let scale = along.signum() / ((squares / torque.len().max(1) as f64).sqrt() + 1e-300);
+        torque.iter_mut().for_each(|v| *v *= scale);
+        Self { torque, scale }
+    }
+}
+
+/// A base law with a correction, the variants of all causes beside it, and the products of all their columns.
 pub(crate) struct Entry {
     pub(crate) base: Base,
     pub(crate) correction: Correction,
     pub(crate) variants: Vec<Variant>,
     pub(crate) bank: Bank,
-    /// Number of found sets of orders that the variants were made from.
-    orders: usize,
 }
 
 impl Entry {
+    /// Computes the products. The columns of the variants, the largest part of the memory, are not kept.
     pub(crate) fn new(
         rows: &Rows,
         shapes: &Shapes,
@@ -175,49 +162,49 @@ impl Entry {
         correction: Correction,
         waves: &Waves,
     ) -> Self {
-        let orders = waves.orders.len();
-        let variants = corrected_variants(rows, shapes, &base, correction, waves, orders);
+        let (travel, level, residual) = (base.travel, &base.level.torque, &base.fit.residual);
+        let context = Context { rows, shapes, travel, level, residual, waves };
+        let built = variants(&context, &base.simulated);
+        let (mut variants, mut columns) = (Vec::new(), Vec::new());
+        for Built { variant, columns: of_variant } in built {
+            variants.push(variant);
+            columns.extend(of_variant);
+        }
         if correction != Correction::None {
-            base.columns.iter_mut().for_each(|column| *column = correction.apply(rows, column));
+            let corrected = base.columns.iter_mut().chain(&mut columns);
+            corrected.for_each(|column| *column = correction.apply(rows, column));
         }
-        let columns =
-            base.columns.iter().chain(variants.iter().flat_map(|variant| &variant.columns));
-        let columns: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
+        let all: Vec<&Vec<f64>> = base.columns.iter().chain(&columns).collect();
         let signs = base.non_negative.iter().copied();
-        let bank = Bank::new(rows, &columns).with_non_negative(signs);
-        Self { base, correction, variants, bank, orders }
+        let bank = Bank::new(rows, &all).with_non_negative(signs);
+        Self { base, correction, variants, bank }
     }
 
-    /// Drops the columns of all variants. Their products in the bank stay.
-    pub(crate) fn drop_columns(&mut self) {
-        let columns = self.variants.iter_mut().flat_map(|variant| &mut variant.columns);
-        columns.for_each(|column| *column = Vec::new());
+    /// Returns the variants of a set.
+    pub(crate) fn chosen(&self, set: &[u16]) -> impl Iterator<Item = &Variant> + Clone {
+        set.iter().map(|at| &self.variants[*at as usize])
     }
 
-    /// Computes the columns of a set again if they were dropped.
-    pub(crate) fn restore_columns(
-        &mut self,
-        rows: &Rows,
-        shapes: &Shapes,
-        waves: &Waves,
-        set: &[u16],
-    ) {
-        let is_dropped = |at: &&u16| self.variants[**at as usize].columns.iter().any(Vec::is_empty);
-        if !set.iter().any(|at| is_dropped(&at)) {
-            return;
+    /// Returns the variants of a set, each with the places of its columns among those of [`Self::columns`].
+    pub(crate) fn placed(&self, set: &[u16]) -> impl Iterator<Item = (&Variant, Range<usize>)> {
+        let mut next = self.base.columns.len();
+        self.chosen(set).map(move |variant| {
+            next += variant.width();
+            (variant, next - variant.width()..next)
+        })
+    }
+
+    /// Returns the columns of a set of variants, those of the law first, as the torque channel logs them.
+    pub(crate) fn columns(&self, rows: &Rows, set: &[u16]) -> Vec<Cow<'_, [f64]>> {
+        let of_law = self.base.columns.iter().map(|column| Cow::Borrowed(column.as_slice()));
+        let mut columns: Vec<Cow<'_, [f64]>> = of_law.collect();
+        for variant in self.chosen(set) {
+            let of_variant = variant.columns(rows, &self.base.level.torque);
+            let of_variant = of_variant.expect("the log has the columns of a variant");
+            let corrected = of_variant.iter().map(|column| self.correction.apply(rows, column));
+            columns.extend(corrected.map(Cow::Owned));
         }
-        let (base, correction) = (&self.base, self.correction);
-        let mut made = corrected_variants(rows, shapes, base, correction, waves, self.orders);
-        for at in set {
-            let at = *at as usize;
-            self.variants[at].columns = std::mem::take(&mut made[at].columns);
-        }
-    }
-
-    /// Returns the columns of a set of variants, those of the law first. None of them may be dropped.
-    pub(crate) fn columns(&self, set: &[u16]) -> Vec<&[f64]> {
-        let of_variants = set.iter().flat_map(|variant| &self.variants[*variant as usize].columns);
-        self.base.columns.iter().chain(of_variants).map(Vec::as_slice).collect()
+        columns
     }
 
     /// Returns the indices of a set's columns in the bank.
@@ -225,17 +212,24 @@ impl Entry {
         Search::new(&self.bank, self.base.columns.len(), &self.variants).columns(set)
     }
 
+    /// Returns the coefficients of [`Self::columns`], fitted to all rows.
+    pub(crate) fn fit(&self, set: &[u16]) -> Vec<f64> {
+        self.bank.fit(&self.indices(set))
+    }
+
+    /// Returns the coefficients of [`Self::columns`], fitted without each fold.
+    pub(crate) fn fits_without_fold(&self, set: &[u16]) -> Vec<Vec<f64>> {
+        self.bank.fits_without_fold(&self.indices(set))
+    }
+
+    /// Returns the hypotheses of a search. `bank` is the index of the entry.
     pub(crate) fn search(&self, bank: usize) -> Vec<Hypothesis> {
         let mut search = Search::new(&self.bank, self.base.columns.len(), &self.variants);
         search.run();
         let scores = std::mem::take(&mut search.scores);
         let hypothesis = |(set, error): (Vec<u16>, f64)| {
-            let mut causes: BTreeSet<CauseKey> = set
-                .iter()
-                .map(|at| &self.variants[*at as usize])
-                .filter(|v| v.is_cause())
-                .map(|v| v.key.clone())
-                .collect();
+            let found = self.chosen(&set).filter(|variant| variant.is_cause());
+            let mut causes: BTreeSet<CauseKey> = found.map(|variant| variant.key.clone()).collect();
             let mut price = search.price(&set) + self.base.price;
             if self.correction.is_cause() {
                 causes.insert(CauseKey { cause: "channel-delay", columns: Vec::new() });
@@ -247,29 +241,4 @@ impl Entry {
         };
         scores.into_iter().filter(|(_, error)| error.is_finite()).map(hypothesis).collect()
     }
-}
-
-/// Returns the variants of all causes for a base law, with a correction of the log. They are made from the first `known` sets
-/// of orders, so that an older entry gets the same variants again.
-fn corrected_variants(
-    rows: &Rows,
-    shapes: &Shapes,
-    base: &Base,
-    correction: Correction,
-    waves: &Waves,
-    known: usize,
-) -> Vec<Variant> {
-    let (orders, gaps) = (&waves.orders[..known], &waves.gaps);
-    let (travel, level, residual) = (base.travel, &base.level, &base.residual);
-    let context = Context { rows, shapes, travel, level, orders, gaps, residual };
-    let mut made = variants(&context);
-    if !base.simulated.is_empty() {
-        made.retain(|variant| !acts_through_bristles(variant.key.cause));
-        made.extend(base.simulated.iter().cloned());
-    }
-    if correction != Correction::None {
-        let columns = made.iter_mut().flat_map(|variant| &mut variant.columns);
-        columns.for_each(|column| *column = correction.apply(rows, column));
-    }
-    made
 }

@@ -1,6 +1,6 @@
 //! Hypotheses of a contest that are to be fitted with the driver's law.
 
-use super::bank::Workspace;
+use super::cause::channel::channel_gain;
 use super::cause_key::CauseKey;
 use super::correction::Correction;
 use super::detail::Detail;
@@ -8,10 +8,10 @@ use super::draws::{DRAWS, Draws};
 use super::entry::{Entry, Origin};
 use super::law::LawStart;
 use super::ledger::{Hypothesis, Ledger};
-use super::rows::Rows;
 use super::table::{Table, jackknife};
 use compensator_core::ParameterId;
 use friction_fit::ChannelGain;
+use std::borrow::Cow;
 
 /// Most finalists.
 const MOST_FINALISTS: usize = 3;
@@ -58,11 +58,21 @@ pub struct Finalist {
 }
 
 impl Finalist {
+    /// Returns the share of the squared error that its causes take, by the linear fits.
+    pub fn promised(&self) -> f64 {
+        share_taken(self.law_rmse, self.rmse)
+    }
+
     /// Returns the hypothesis without a cause, for a log on which none can be scored.
     pub fn without_cause() -> Self {
         let law = LawStart { name: "linear", ..LawStart::default() };
         Self { law, share_left: 1.0, ..Self::default() }
     }
+}
+
+/// Returns the share of a squared error that is taken, from RMS errors.
+pub(crate) fn share_taken(before: f64, after: f64) -> f64 {
+    1.0 - (after / before.max(f64::MIN_POSITIVE)).powi(2)
 }
 
 /// A cause of a finalist.
@@ -81,20 +91,17 @@ pub struct FinalistCause {
 }
 
 impl Table<'_> {
-    pub(super) fn finalist(&self, rows: &Rows, hypothesis: &Hypothesis) -> Finalist {
+    pub(super) fn finalist(&self, hypothesis: &Hypothesis) -> Finalist {
         let entry = &self.entries[hypothesis.bank];
-        let indices = entry.indices(&hypothesis.set);
-        let sizes = entry.bank.fit(&indices, &mut Workspace::default());
-        let folds = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
+        let columns = entry.columns(self.rows, &hypothesis.set);
+        let sizes = entry.fit(&hypothesis.set);
+        let folds = entry.fits_without_fold(&hypothesis.set);
         let mut alone = hypothesis.clone();
         alone.set.retain(|at| !entry.variants[*at as usize].is_cause());
-        let mut at = entry.base.columns.len();
         let (mut causes, mut shares) = (Vec::new(), Vec::new());
-        for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-            let place = at..at + variant.columns.len();
-            at = place.end;
+        for (variant, place) in entry.placed(&hypothesis.set) {
             if variant.is_cause() {
-                let rms = |sizes: &[f64]| variant.torque_rms(rows, sizes);
+                let rms = |sizes: &[f64]| self.torque_rms(&columns[place.clone()], sizes);
                 let drawn: Vec<f64> = folds.iter().map(|fold| rms(&fold[place.clone()])).collect();
                 causes.push(FinalistCause {
                     key: variant.key.clone(),
@@ -103,23 +110,30 @@ impl Table<'_> {
                     torque_rms_error: jackknife(&drawn),
                     sizes: sizes[place].to_vec(),
                 });
-            } else if let Some(channel) =
-                rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()])
-            {
-                let (mean, spread) = channel.mean_and_spread();
-                let gain = sizes[place.start] / spread;
-                shares.push(ChannelGain { column: channel.name.clone(), gain, mean });
+            } else {
+                let regressors = variant.regressors().iter().zip(&sizes[place]);
+                shares.extend(regressors.filter_map(|(of, size)| channel_gain(of, *size)));
             }
         }
         Finalist {
             correction: entry.correction,
-            law: self.law_start(rows, entry, &sizes),
+            law: self.law_start(entry, &sizes),
             causes,
             shares,
-            rmse: self.rmse(rows, hypothesis),
-            law_rmse: self.rmse(rows, &alone),
+            rmse: self.rmse(hypothesis),
+            law_rmse: self.rmse(&alone),
             share_left: self.share_left(hypothesis),
         }
+    }
+
+    /// Returns the RMS of the torque of columns with these coefficients on the judged rows.
+    fn torque_rms(&self, columns: &[Cow<'_, [f64]>], sizes: &[f64]) -> f64 {
+        let judged = &self.rows.judged;
+        let torque = |row: usize| -> f64 {
+            columns.iter().zip(sizes).map(|(column, size)| column[row] * size).sum()
+        };
+        let squares: f64 = judged.iter().map(|row| torque(*row).powi(2)).sum();
+        (squares / judged.len().max(1) as f64).sqrt()
     }
 
     /// Returns the error of a hypothesis as a share of the least one in the log as it is.
@@ -130,7 +144,7 @@ impl Table<'_> {
     }
 
     /// Returns the parameters of an entry's law: those of the driver's law, or from the coefficients of its columns.
-    fn law_start(&self, rows: &Rows, entry: &Entry, sizes: &[f64]) -> LawStart {
+    fn law_start(&self, entry: &Entry, sizes: &[f64]) -> LawStart {
         let law = match &entry.base.origin {
             Origin::Kernel(parameters) => {
                 let coulomb = parameters.get(ParameterId::CoulombTorque);
@@ -145,6 +159,6 @@ impl Table<'_> {
             }
             Origin::Shapes(law) => law,
         };
-        LawStart::of_shapes(rows, self.shapes, law, sizes)
+        LawStart::of_shapes(self.rows, self.shapes, law, sizes)
     }
 }

@@ -22,7 +22,6 @@ use friction_fit::{
     COMPARISON_STAGNATION, FitOptions, Resolution, Scales, TorqueLowPass, Track, fit, typical_value,
 };
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Most rows of a fit.
 const MAX_FITTED_ROWS: usize = 10_000;
@@ -102,7 +101,7 @@ pub struct KernelLaw {
     /// RMS error of the torque that comes from the uncertain motion, in all rows; empty if the motion is exact.
     pub motion_error: Vec<f64>,
     /// Columns of causes that change the dynamics of the bristles.
-    pub(crate) simulated: Arc<[Variant]>,
+    pub(crate) simulated: Vec<Variant>,
 }
 
 impl KernelLaw {
@@ -185,7 +184,7 @@ impl KernelLaw {
             target.iter().zip(&torque).map(|(target, simulated)| target - simulated).collect();
         // Differences of two simulations of the same coarse steps: the steps' error cancels.
         let coarse = sensitivities(&parameters, &[], tracks, Resolution::PLAIN);
-        let simulated = simulated::variants(rows, tracks, &coarse, travel).into();
+        let simulated = simulated::variants(rows, tracks, &coarse, travel);
         let motion_error = motion_error(rows, tracks, &coarse);
         Some(Self {
             correction,

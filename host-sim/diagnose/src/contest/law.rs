@@ -10,7 +10,7 @@
 
 use super::bank::{Bank, Workspace};
 use super::rows::Rows;
-use friction_fit::linear::{Factor, Inputs, Regressor, stop};
+use friction_fit::linear::{Factor, LinearTerm, Regressor, stop};
 use joint_log::Quantity;
 use std::ops::Range;
 
@@ -87,40 +87,21 @@ impl Shapes {
         let widths = WIDTHS.map(|width| width * rows.top_speed);
         let fall = |width: &f64| rows.map(|row| (-rows.smooth_velocity[row].abs() / width).exp());
         let falls = widths.iter().map(fall).collect();
-        Self { travels, stops, widths, falls, rigid: rigid(rows) }
+        Self { travels, stops, widths, falls, rigid: law_columns(rows, &rigid_parts(rows)) }
     }
 
-    /// Returns the columns of a law.
-    pub fn columns(&self, rows: &Rows, law: &Law) -> Vec<Vec<f64>> {
-        let mut columns: Vec<Vec<f64>> =
-            law.stops.iter().map(|at| self.stops[*at].clone()).collect();
-        columns.push(rows.smooth_velocity.clone());
+    /// Returns the parts of a law: its stops, viscous friction, what falls with the speed, and the rigid body.
+    pub(crate) fn parts(&self, rows: &Rows, law: &Law) -> Vec<LawPart> {
+        let stop = |at: &usize| Factor::Stop { travel: self.travels[*at] };
+        let mut found: Vec<LawPart> =
+            law.stops.iter().map(|at| LawPart::new(COULOMB, [stop(at)])).collect();
+        found.push(LawPart::new(VISCOUS, [Factor::Velocity]));
         if law.has_falls {
-            columns.extend(self.falls.iter().map(|fall| product(&self.stops[law.stops[0]], fall)));
+            let fall = |width: &f64| [stop(&law.stops[0]), Factor::Falling { velocity: *width }];
+            found.extend(self.widths.iter().map(|width| LawPart::new(STRIBECK, fall(width))));
         }
-        columns.extend(self.rigid.iter().cloned());
-        columns
-    }
-
-    /// Returns what the columns of a law are, in the order of [`Self::columns`], each with its name.
-    pub fn regressors(&self, rows: &Rows, law: &Law) -> Vec<(&'static str, Regressor)> {
-        let stop = |at: &usize| Regressor::from([Factor::Stop { travel: self.travels[*at] }]);
-        let mut found: Vec<_> = law.stops.iter().map(|at| (COULOMB, stop(at))).collect();
-        found.push((VISCOUS, Regressor::from([Factor::Velocity])));
-        if law.has_falls {
-            let main = stop(&law.stops[0]);
-            let fall = |width: &f64| main.clone().times(Factor::Falling { velocity: *width });
-            found.extend(self.widths.iter().map(|width| (STRIBECK, fall(width))));
-        }
-        found.extend(rigid_regressors(rows));
+        found.extend(rigid_parts(rows));
         found
-    }
-
-    /// Returns for each column of a law whether its coefficient cannot be negative: friction levels, viscous friction and
-    /// inertia.
-    pub fn non_negative(&self, rows: &Rows, law: &Law) -> Vec<bool> {
-        let signed = [COULOMB, VISCOUS, INERTIA];
-        self.regressors(rows, law).iter().map(|(name, _)| signed.contains(name)).collect()
     }
 
     /// Returns the index of the travel that is nearest to a displacement, as a ratio.
@@ -175,6 +156,31 @@ fn reverses(rows: &Rows) -> bool {
     rows.runs.iter().any(|run| fastest(run, 1.0) > least && fastest(run, -1.0) > least)
 }
 
+/// A part of a law: a column.
+#[derive(Clone, Debug)]
+pub(crate) struct LawPart {
+    /// Its name in a model.
+    pub(crate) name: &'static str,
+    /// What the column is.
+    pub(crate) regressor: Regressor,
+}
+
+impl LawPart {
+    pub(crate) fn new<const N: usize>(name: &'static str, factors: [Factor; N]) -> Self {
+        Self { name, regressor: factors.into() }
+    }
+
+    /// Returns true if the coefficient cannot be negative: of friction levels, viscous friction and inertia.
+    pub(crate) fn is_non_negative(&self) -> bool {
+        [COULOMB, VISCOUS, INERTIA].contains(&self.name)
+    }
+
+    /// Returns the part with its coefficient.
+    pub(crate) fn term(&self, size: f64) -> LinearTerm {
+        LinearTerm { part: self.name.into(), size, factors: self.regressor.clone() }
+    }
+}
+
 /// Name of a stop in a law.
 pub const COULOMB: &str = "coulomb";
 
@@ -187,30 +193,33 @@ pub const STRIBECK: &str = "stribeck";
 /// Name of the inertia among the rigid-body parts.
 pub const INERTIA: &str = "inertia";
 
-/// Returns the rigid-body parts of the torque column, each with its name.
-pub(crate) fn rigid_regressors(rows: &Rows) -> Vec<(&'static str, Regressor)> {
+/// Name of a constant among them.
+pub const OFFSET: &str = "offset";
+
+/// Returns the rigid-body parts of the torque column.
+pub(crate) fn rigid_parts(rows: &Rows) -> Vec<LawPart> {
     let parts = rows.rigid_body;
     let mut found = Vec::new();
     if parts.offset {
-        found.push(("offset", Factor::One));
+        found.push(LawPart::new(OFFSET, [Factor::One]));
     }
     if parts.inertia {
-        found.push((INERTIA, Factor::Acceleration));
+        found.push(LawPart::new(INERTIA, [Factor::Acceleration]));
     }
     if parts.gravity {
         let order = 1.0;
-        found.extend([("gravity", Factor::Sine { order }), ("gravity", Factor::Cosine { order })]);
+        let waves = [Factor::Sine { order }, Factor::Cosine { order }];
+        found.extend(waves.map(|wave| LawPart::new("gravity", [wave])));
     }
     if let Some(load) = rows.quantity(Quantity::LoadTorque).filter(|_| parts.load) {
-        found.push(("load", Factor::of_column(&load.name)));
+        found.push(LawPart::new("load", [Factor::of_column(&load.name)]));
     }
-    found.into_iter().map(|(name, factor)| (name, Regressor::from([factor]))).collect()
+    found
 }
 
-fn rigid(rows: &Rows) -> Vec<Vec<f64>> {
-    let find = |name: &str| rows.column(name);
-    let inputs = Inputs { motion: &rows.motion, level: &[], column: &find };
-    rigid_regressors(rows).iter().filter_map(|(_, regressor)| regressor.values(&inputs)).collect()
+/// Returns the columns of the parts of a law.
+pub(crate) fn law_columns(rows: &Rows, parts: &[LawPart]) -> Vec<Vec<f64>> {
+    parts.iter().filter_map(|part| rows.values(&part.regressor, &[])).collect()
 }
 
 /// Returns the product of two columns.
@@ -236,10 +245,10 @@ impl LawTable {
         all.push(&rows.smooth_velocity);
         all.extend(shapes.rigid.iter().map(Vec::as_slice));
         all.extend(falling.iter().map(Vec::as_slice));
-        // As in `non_negative`.
-        let rigid = rigid_regressors(rows);
+        // Stops and viscous friction, then the rigid body.
         let signs = shapes.stops.iter().map(|_| true).chain([true]);
-        let signs = signs.chain(rigid.iter().map(|(name, _)| *name == INERTIA));
+        let rigid = rigid_parts(rows);
+        let signs = signs.chain(rigid.iter().map(LawPart::is_non_negative));
         Self {
             bank: Bank::new(rows, &all).with_non_negative(signs),
             travels: shapes.travels.len(),
@@ -256,7 +265,8 @@ impl LawTable {
             columns.extend(first..first + WIDTHS.len());
         }
         let mut work = Workspace::default();
-        let sizes = self.bank.fit(&columns, &mut work);
+        let error = self.bank.error(&columns, &mut work);
+        let sizes = self.bank.sizes(&columns, &work);
         if stops.len() > 1 && sizes[..stops.len()].iter().any(|size| *size <= 0.0) {
             return None;
         }
@@ -267,12 +277,7 @@ impl LawTable {
             (1, false, true) => "lugre",
             _ => "maxwell-slip",
         };
-        Some(Law {
-            name,
-            stops: stops.to_vec(),
-            has_falls,
-            error: self.bank.error(&columns, &mut work),
-        })
+        Some(Law { name, stops: stops.to_vec(), has_falls, error })
     }
 
     fn with_more_stops(&self, law: &Law) -> Option<Law> {

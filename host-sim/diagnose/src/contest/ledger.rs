@@ -56,6 +56,11 @@ impl Ledger {
         self.hypotheses.iter().filter(|h| is_meant(h)).map(|h| h.error).min_by(f64::total_cmp)
     }
 
+    /// Returns the hypothesis of least error without a cause.
+    pub fn without_cause(&self) -> Option<&Hypothesis> {
+        self.with_causes(&BTreeSet::new())
+    }
+
     /// Returns the hypothesis of least error with exactly these causes.
     pub fn with_causes(&self, causes: &BTreeSet<CauseKey>) -> Option<&Hypothesis> {
         let with_same = self.hypotheses.iter().filter(|hypothesis| hypothesis.causes == *causes);

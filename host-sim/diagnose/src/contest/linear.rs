@@ -5,14 +5,16 @@
 //! negative.
 
 use super::bank::{Bank, Workspace};
-use super::cause::CHANNEL_GAIN;
+use super::cause::channel::channel_gain;
+use super::cause::{CHANNEL_GAIN, Variant};
 use super::entry::{Entry, Origin};
-use super::law::{COULOMB, STRIBECK, Shapes, VISCOUS, rigid_regressors};
+use super::law::{COULOMB, LawPart, OFFSET, STRIBECK, Shapes, VISCOUS, law_columns, rigid_parts};
 use super::ledger::{Hypothesis, Ledger};
 use super::rows::{MAX_CONSTANT_SHARE, Rows, within_runs};
-use crate::left_out::{LeftOut, MOST_FITS, STRETCHES, unit_of};
-use friction_fit::linear::{Factor, Inputs, LinearModel, LinearTerm, Regressor};
-use friction_fit::{ChannelGain, Measurement};
+use crate::left_out::{LeftOut, MOST_FITS, STRETCHES, unit};
+use friction_fit::Measurement;
+use friction_fit::linear::{Factor, LinearModel, LinearTerm};
+use std::borrow::Cow;
 
 /// The best hypothesis that is a model for other logs.
 #[derive(Clone, Debug, Default)]
@@ -40,16 +42,16 @@ pub struct LinearStep {
 pub(crate) fn transferable<'l>(entries: &[Entry], ledger: &'l Ledger) -> Option<&'l Hypothesis> {
     ledger.hypotheses.iter().find(|hypothesis| {
         let entry = &entries[hypothesis.bank];
-        let variants = hypothesis.set.iter().map(|at| &entry.variants[*at as usize]);
-        let is_transferable = |variant: &super::cause::Variant| {
-            let factors = variant.regressors.iter().flat_map(|regressor| &regressor.factors);
-            !variant.regressors.is_empty() && factors.clone().all(|factor| factor.is_transferable())
+        let is_transferable = |variant: &Variant| {
+            let mut factors = variant.regressors().iter().flat_map(|regressor| &regressor.factors);
+            !variant.regressors().is_empty() && factors.all(Factor::is_transferable)
         };
-        matches!(entry.base.origin, Origin::Shapes(_)) && variants.clone().all(is_transferable)
+        matches!(entry.base.origin, Origin::Shapes(_))
+            && entry.chosen(&hypothesis.set).all(is_transferable)
     })
 }
 
-/// Returns a hypothesis as a model, with what it leaves. Its columns must be in the entry.
+/// Returns a hypothesis as a model, with what it leaves; `None` if its law is no law of shapes.
 pub(crate) fn answer(
     rows: &Rows,
     shapes: &Shapes,
@@ -57,23 +59,20 @@ pub(crate) fn answer(
     hypothesis: &Hypothesis,
 ) -> Option<LinearAnswer> {
     let Origin::Shapes(law) = &entry.base.origin else { return None };
-    let term = |part: &str, factors| LinearTerm { part: part.into(), size: 0.0, factors };
-    let law = shapes.regressors(rows, law).into_iter();
-    let mut parts: Vec<LinearTerm> = law.map(|(name, regressor)| term(name, regressor)).collect();
+    let mut parts = shapes.parts(rows, law);
     let law_columns = parts.len();
-    for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-        let regressors = variant.regressors.iter().cloned();
-        parts.extend(regressors.map(|regressor| term(variant.key.cause, regressor)));
+    for variant in entry.chosen(&hypothesis.set) {
+        let regressors = variant.regressors().iter().cloned();
+        parts.extend(regressors.map(|regressor| LawPart { name: variant.key.cause, regressor }));
     }
     let (falls, law): (Vec<usize>, Vec<usize>) =
-        (0..law_columns).partition(|at| parts[*at].part == STRIBECK);
+        (0..law_columns).partition(|at| parts[*at].name == STRIBECK);
     let judged = JudgedByRun::new(rows, entry, hypothesis, law, falls);
     let kept = judged.best_columns();
     let steps = judged.steps(&kept);
-    let level = parts[..law_columns].iter().zip(&entry.base.sizes);
-    let level = level.filter(|(term, _)| [COULOMB, STRIBECK].contains(&term.part.as_str()));
-    let level = level
-        .map(|(term, size)| LinearTerm { size: size * entry.base.level_scale, ..term.clone() });
+    let level = parts[..law_columns].iter().zip(&entry.base.fit.sizes);
+    let level = level.filter(|(part, _)| [COULOMB, STRIBECK].contains(&part.name));
+    let level = level.map(|(part, size)| part.term(size * entry.base.level.scale));
     let level: Vec<LinearTerm> = level.collect();
     let (torque_delay_s, torque_low_pass) = entry.correction.of_torque(rows.step_s);
     let of_columns = |columns: &[usize]| {
@@ -81,14 +80,12 @@ pub(crate) fn answer(
         let mut measurement = Measurement { torque_delay_s, torque_low_pass, ..signed };
         let mut terms = Vec::new();
         let chosen = columns.iter().map(|at| &parts[*at]);
-        for (term, size) in chosen.zip(judged.sizes(columns)) {
-            match term.part.as_str() {
-                CHANNEL_GAIN => {
-                    let gain = channel_gain(term, measurement.torque_sign * size);
-                    measurement.channel_gains.extend(gain);
-                }
-                _ if size == 0.0 => {}
-                _ => terms.push(LinearTerm { size, ..term.clone() }),
+        for (part, size) in chosen.zip(judged.bank.fit(columns)) {
+            if part.name == CHANNEL_GAIN {
+                let gain = channel_gain(&part.regressor, measurement.torque_sign * size);
+                measurement.channel_gains.extend(gain);
+            } else if size != 0.0 {
+                terms.push(part.term(size));
             }
         }
         let model = LinearModel { level: level.clone(), terms };
@@ -106,28 +103,17 @@ const NO_DIRECTION: f64 = 0.01;
 /// other model must beat.
 pub(crate) fn plain(rows: &Rows) -> LinearAnswer {
     let direction = Factor::Direction { above: NO_DIRECTION * rows.top_speed };
-    let mut parts = vec![
-        (COULOMB, Regressor::from([direction])),
-        (VISCOUS, Regressor::from([Factor::Velocity])),
-    ];
-    parts.extend(rigid_regressors(rows));
+    let mut parts =
+        vec![LawPart::new(COULOMB, [direction]), LawPart::new(VISCOUS, [Factor::Velocity])];
+    parts.extend(rigid_parts(rows));
     if parts.len() == 2 {
-        parts.push(("offset", Regressor::from([Factor::One])));
+        parts.push(LawPart::new(OFFSET, [Factor::One]));
     }
-    let find = |name: &str| rows.column(name);
-    let inputs = Inputs { motion: &rows.motion, level: &[], column: &find };
-    let columns: Vec<Vec<f64>> =
-        parts.iter().filter_map(|(_, regressor)| regressor.values(&inputs)).collect();
-    let judged = JudgedByRun::of_law(rows, columns.iter().map(Vec::as_slice).collect());
-    let all: Vec<usize> = (0..columns.len()).collect();
-    let term = |((part, factors), size): ((&'static str, Regressor), f64)| LinearTerm {
-        part: part.into(),
-        size,
-        factors,
-    };
-    let terms = parts.into_iter().zip(judged.sizes(&all)).map(term).collect();
+    let judged = JudgedByRun::of_law(rows, law_columns(rows, &parts));
+    let all: Vec<usize> = (0..parts.len()).collect();
+    let terms = parts.iter().zip(judged.bank.fit(&all)).map(|(part, size)| part.term(size));
     LinearAnswer {
-        model: LinearModel { level: Vec::new(), terms },
+        model: LinearModel { level: Vec::new(), terms: terms.collect() },
         measurement: Measurement::of_sign(rows.is_reversed),
         held_out: judged.held_out(rows, &all),
         steps: Vec::new(),
@@ -160,7 +146,7 @@ struct Step {
 /// follow what is peculiar to a run. So the causes that vary are chosen again with whole runs left out, beside those constant
 /// ones at their fitted size.
 struct JudgedByRun<'a> {
-    columns: Vec<&'a [f64]>,
+    columns: Vec<Cow<'a, [f64]>>,
     /// The law without its falls, these, and each cause.
     groups: Vec<Group>,
     non_negative: Vec<bool>,
@@ -179,14 +165,11 @@ impl<'a> JudgedByRun<'a> {
         law: Vec<usize>,
         falls: Vec<usize>,
     ) -> Self {
-        let columns = entry.columns(&hypothesis.set);
-        let mut next = law.len() + falls.len();
+        let columns = entry.columns(rows, &hypothesis.set);
         let of_law =
             |columns, price| Group { name: entry.base.name, columns, price, is_constant: false };
         let mut groups = vec![of_law(law, 0.0), of_law(falls, FALLS_PRICE)];
-        for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-            let place = next..next + variant.columns.len();
-            next = place.end;
+        for (variant, place) in entry.placed(&hypothesis.set) {
             let covariate =
                 rows.covariates.iter().find(|c| variant.key.columns == [c.name.as_str()]);
             let is_constant = covariate.is_some_and(|covariate| {
@@ -209,25 +192,25 @@ impl<'a> JudgedByRun<'a> {
     }
 
     /// Returns the columns of a law of any sign, without groups.
-    fn of_law(rows: &Rows, columns: Vec<&'a [f64]>) -> Self {
+    fn of_law(rows: &Rows, columns: Vec<Vec<f64>>) -> Self {
         let fold_of_block = folds(rows);
         Self {
             bank: Bank::of_target(rows, &columns, &rows.torque, &fold_of_block),
             groups: Vec::new(),
             non_negative: vec![false; columns.len()],
             fold_of_block,
-            columns,
+            columns: columns.into_iter().map(Cow::Owned).collect(),
             beside_constants: None,
         }
     }
 
     fn without_constants(&self, rows: &Rows) -> Bank {
         let all: Vec<usize> = (0..self.columns.len()).collect();
-        let sizes = self.bank.fit(&all, &mut Workspace::default());
+        let sizes = self.bank.fit(&all);
         let mut target = rows.torque.clone();
         for group in self.groups.iter().filter(|group| group.is_constant) {
             for at in &group.columns {
-                for (target, value) in target.iter_mut().zip(self.columns[*at]) {
+                for (target, value) in target.iter_mut().zip(&*self.columns[*at]) {
                     *target -= sizes[*at] * value;
                 }
             }
@@ -287,15 +270,10 @@ impl<'a> JudgedByRun<'a> {
         steps
     }
 
-    /// Returns the coefficients of some columns, fitted to all rows.
-    fn sizes(&self, columns: &[usize]) -> Vec<f64> {
-        self.bank.fit(columns, &mut Workspace::default())
-    }
-
     /// Returns what fits without a row's fold leave of each row. The rows between two judged ones belong to the block of the
     /// first.
     fn held_out(&self, rows: &Rows, columns: &[usize]) -> Vec<f64> {
-        let fits = self.bank.fits_without_fold(columns, &mut Workspace::default());
+        let fits = self.bank.fits_without_fold(columns);
         let mut left = rows.torque.clone();
         for (block, judged) in rows.blocks.iter().enumerate() {
             let run = &rows.runs[rows.run_of_block[block]];
@@ -315,7 +293,7 @@ impl<'a> JudgedByRun<'a> {
 
 /// Returns the folds of the blocks: whole runs or stretches, as the driver's law is held out, so that both err on equal rows.
 fn folds(rows: &Rows) -> Vec<usize> {
-    if unit_of(&rows.tracks) == LeftOut::Runs {
+    if unit(&rows.tracks) == LeftOut::Runs {
         return rows.run_of_block.iter().map(|run| run % MOST_FITS).collect();
     }
     let stretch = |(block, run): (usize, &usize)| {
@@ -324,14 +302,4 @@ fn folds(rows: &Rows) -> Vec<usize> {
         (block - first) * STRETCHES / (after - first)
     };
     rows.run_of_block.iter().enumerate().map(stretch).collect()
-}
-
-/// Returns the share of a channel whose values less their mean, over their spread, have this coefficient.
-fn channel_gain(term: &LinearTerm, size: f64) -> Option<ChannelGain> {
-    match term.factors.factors.first()? {
-        Factor::Column { name, mean, spread, .. } => {
-            Some(ChannelGain { column: name.clone(), gain: size / spread, mean: *mean })
-        }
-        _ => None,
-    }
 }

@@ -66,8 +66,8 @@ pub(super) const MOST_WAVES: usize = 6;
 /// Fewest runs of a wave whose phase differs between runs.
 const MIN_FREE_RUNS: usize = 5;
 
-/// Highest order of such a wave.
-const MOST_FREE_ORDERS: usize = 40;
+/// Highest order of such a wave. It covers one turn of the shaft, some bearings and a spur gear.
+pub(crate) const MOST_FREE_ORDERS: usize = 40;
 
 /// Largest difference between the first positions of runs that begin alike, as a share of the swing.
 const MAX_START: f64 = 0.01;
@@ -85,16 +85,32 @@ pub struct RippleOrders {
     pub torque: Vec<f64>,
     /// Of the friction level, the strongest first.
     pub level: Vec<f64>,
-    /// A wave whose phase differs between the runs: its order, and the phase in each run, rad.
-    pub by_run: Option<(f64, Vec<f64>)>,
+    /// A wave whose phase differs between the runs.
+    pub free_phase: Option<FreePhaseWave>,
+}
+
+/// A wave with a phase of its own in each run.
+#[derive(Clone, Debug)]
+pub struct FreePhaseWave {
+    /// Its order, in periods per turn.
+    pub order: f64,
+    /// Its phase in each run, rad.
+    pub phases_rad: Vec<f64>,
 }
 
 impl RippleOrders {
-    /// Finds the strongest orders in what a model leaves. `columns` are those of its base law, `level` its friction level.
-    pub fn find(rows: &Rows, residual: &[f64], columns: &[&[f64]], level: &[f64]) -> Self {
+    /// Finds the strongest orders in what a model leaves. `columns` are those of the model, `level` its friction level.
+    pub fn find(
+        rows: &Rows,
+        residual: &[f64],
+        columns: &[impl AsRef<[f64]>],
+        level: &[f64],
+    ) -> Self {
         if !rows.has_position {
             return Self::default();
         }
+        let columns: Vec<&[f64]> = columns.iter().map(AsRef::as_ref).collect();
+        let columns = columns.as_slice();
         let scan = Scan::new(rows);
         // The first order of a torque is gravity.
         let least = if rows.joint == JointKind::Revolute { 1.5 } else { 0.0 };
@@ -103,12 +119,10 @@ impl RippleOrders {
         Self {
             torque: helpful(rows, columns, torque, |_| 1.0),
             level: helpful(rows, columns, of_level, |row| level[row]),
-            by_run: phases(rows, residual),
+            free_phase: free_phase(rows, residual),
         }
     }
-}
 
-impl RippleOrders {
     /// Returns true if the strongest orders of both are the same.
     pub fn is_like(&self, other: &Self) -> bool {
         let alike = |a: &[f64], b: &[f64]| match (a.first(), b.first()) {
@@ -127,7 +141,7 @@ fn helpful(
     orders: Vec<f64>,
     of: impl Fn(usize) -> f64 + Copy,
 ) -> Vec<f64> {
-    let pairs: Vec<Vec<f64>> = orders.iter().flat_map(|order| waves(rows, &[*order], of)).collect();
+    let pairs: Vec<Vec<f64>> = orders.iter().flat_map(|order| waves(rows, *order, of)).collect();
     let columns: Vec<&[f64]> = law.iter().copied().chain(pairs.iter().map(Vec::as_slice)).collect();
     let bank = Bank::new(rows, &columns);
     let mut work = Workspace::default();
@@ -369,7 +383,7 @@ fn unexplained(target: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
 
 /// Returns the strongest wave whose phase is free in each run, if the position's zero is not the shaft's: every run begins at the
 /// same position.
-fn phases(rows: &Rows, residual: &[f64]) -> Option<(f64, Vec<f64>)> {
+fn free_phase(rows: &Rows, residual: &[f64]) -> Option<FreePhaseWave> {
     let starts = rows.runs.iter().map(|run| rows.position[run.start]);
     let [low, high] = extent(starts);
     let begins_alike = high - low < MAX_START * rows.swing;
@@ -391,17 +405,14 @@ fn phases(rows: &Rows, residual: &[f64]) -> Option<(f64, Vec<f64>)> {
     }
     let power = |order: &usize| sums[*order].iter().map(|(s, c)| s * s + c * c).sum::<f64>();
     let best = (1..=MOST_FREE_ORDERS).max_by(|a, b| power(a).total_cmp(&power(b)))?;
-    Some((best as f64, sums[best].iter().map(|(s, c)| c.atan2(*s)).collect()))
+    let phases_rad = sums[best].iter().map(|(s, c)| c.atan2(*s)).collect();
+    Some(FreePhaseWave { order: best as f64, phases_rad })
 }
 
-fn waves(rows: &Rows, orders: &[f64], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
-    let mut columns = Vec::new();
-    for order in orders {
-        let pair: Vec<(f64, f64)> = rows.position.iter().map(|q| (order * q).sin_cos()).collect();
-        columns.push(rows.map(|row| pair[row].0 * of(row)));
-        columns.push(rows.map(|row| pair[row].1 * of(row)));
-    }
-    columns
+/// Returns sine and cosine of an order, times a factor.
+fn waves(rows: &Rows, order: f64, of: impl Fn(usize) -> f64 + Copy) -> [Vec<f64>; 2] {
+    let wave = |wave: fn(f64) -> f64| rows.map(|row| wave(order * rows.position[row]) * of(row));
+    [wave(f64::sin), wave(f64::cos)]
 }
 
 #[cfg(test)]
@@ -421,11 +432,11 @@ mod tests {
     /// Returns the example with positions that span `factor` times as much, and a wave of the position as its torque.
     fn with_wave(factor: f64, order: f64) -> Rows {
         let mut rows = example();
-        rows.position.iter_mut().for_each(|q| *q *= factor);
+        rows.motion.position.iter_mut().for_each(|q| *q *= factor);
         rows.swing *= factor;
         rows.span *= factor;
-        rows.velocity.iter_mut().for_each(|v| *v *= 10.0);
-        rows.smooth_velocity = rows.velocity.clone();
+        rows.motion.velocity.iter_mut().for_each(|v| *v *= 10.0);
+        rows.motion.smooth_velocity = rows.velocity.clone();
         rows.torque = rows.position.iter().map(|q| (order * q + 0.4).sin()).collect();
         rows
     }
@@ -433,7 +444,7 @@ mod tests {
     #[test]
     fn find_of_wave_over_many_turns_returns_its_whole_order() {
         let rows = with_wave(2e3, 36.0);
-        let found = RippleOrders::find(&rows, &rows.torque, &[], &rows.torque);
+        let found = RippleOrders::find(&rows, &rows.torque, &[[]; 0], &rows.torque);
         assert_eq!(found.torque.first(), Some(&36.0));
     }
 

@@ -7,7 +7,6 @@ use super::draws;
 use super::finalists::{Finalist, finalists};
 use super::ledger::Hypothesis;
 use super::linear::LinearAnswer;
-use super::rows::Rows;
 use super::table::{Table, jackknife};
 use crate::evaluation::{self, Gain};
 use std::collections::BTreeSet;
@@ -112,9 +111,10 @@ struct Fall {
 }
 
 impl Outcome {
-    pub(crate) fn new(rows: &Rows, table: Table) -> Self {
+    pub(crate) fn new(table: &Table) -> Self {
+        let rows = table.rows;
         let Some(best) = table.ledger.best() else { return Self::default() };
-        let Some(base) = table.ledger.with_causes(&BTreeSet::new()) else { return Self::default() };
+        let Some(base) = table.ledger.without_cause() else { return Self::default() };
         let mut causes: Vec<Figures> = table
             .draws
             .inclusion
@@ -122,7 +122,7 @@ impl Outcome {
             .chain(&best.causes)
             .collect::<BTreeSet<_>>()
             .into_iter()
-            .map(|key| table.figures(rows, key, best, base.error))
+            .map(|key| table.figures(key, best, base.error))
             .filter(|figures| figures.is_in_best || figures.inclusion >= MIN_INCLUSION)
             .collect();
         causes.sort_by(|a, b| {
@@ -135,8 +135,8 @@ impl Outcome {
             law: entry.base.name,
             is_reversed: rows.is_reversed,
             causes,
-            base_rmse: table.rmse(rows, base),
-            rmse: table.rmse(rows, best),
+            base_rmse: table.rmse(base),
+            rmse: table.rmse(best),
             error_ratio: best.error / base.error.max(f64::MIN_POSITIVE),
             floors: floors(best.error),
             base_floors: floors(base.error),
@@ -145,7 +145,7 @@ impl Outcome {
             hypotheses: table.ledger.hypotheses.len(),
             finalists: finalists(table.ledger, table.draws)
                 .into_iter()
-                .map(|hypothesis| table.finalist(rows, hypothesis))
+                .map(|hypothesis| table.finalist(hypothesis))
                 .collect(),
             linear: None,
             plain: LinearAnswer::default(),
@@ -154,10 +154,11 @@ impl Outcome {
 }
 
 impl Table<'_> {
-    fn figures(&self, rows: &Rows, key: &CauseKey, best: &Hypothesis, base: f64) -> Figures {
+    fn figures(&self, key: &CauseKey, best: &Hypothesis, base: f64) -> Figures {
+        let rows = self.rows;
         let is_in_best = best.causes.contains(key);
         let alone = self.ledger.with_causes(&BTreeSet::from([key.clone()]));
-        let beside_none = alone.zip(self.ledger.with_causes(&BTreeSet::new()));
+        let beside_none = alone.zip(self.ledger.without_cause());
         let mut others = best.causes.clone();
         // Without it, a coefficient of another cause may be impossible. Such a set is no hypothesis, but shows what the cause takes.
         let reduced = self.without(key, best);
@@ -171,15 +172,15 @@ impl Table<'_> {
         let pair = with.zip(without);
         let alone_share = alone.map_or(0.0, |alone| (base - alone.error) / base);
         let last = pair.map_or(0.0, |(with, without)| (without.error - with.error) / base);
-        let fall = |(with, without)| self.fall(rows, with, without);
+        let fall = |(with, without)| self.fall(with, without);
         let last_fall = pair.map(fall).unwrap_or_default();
         let squares =
             rows.judged.iter().map(|row| (rows.weights[*row] * rows.torque[*row]).powi(2));
         let torque = squares.sum::<f64>().max(f64::MIN_POSITIVE);
         let with = self.ledger.least_error(|h| h.causes.contains(key)).unwrap_or(base);
         let without = self.ledger.least_error(|h| !h.causes.contains(key)).unwrap_or(base);
-        let of_best = best.set.iter().map(|at| &self.entries[best.bank].variants[*at as usize]);
-        let detail = of_best.filter(|v| v.key == *key).map(|v| v.detail.clone()).next();
+        let mut of_best = self.entries[best.bank].chosen(&best.set);
+        let detail = of_best.find(|v| v.key == *key).map(|v| v.detail.clone());
         Figures {
             key: key.clone(),
             detail: detail.unwrap_or_default(),
@@ -229,12 +230,11 @@ impl Table<'_> {
     }
 
     /// Returns the fall of the error from one hypothesis to another.
-    fn fall(&self, rows: &Rows, with: &Hypothesis, without: &Hypothesis) -> Fall {
+    fn fall(&self, with: &Hypothesis, without: &Hypothesis) -> Fall {
         let [with, without] = [with, without].map(|hypothesis| {
             let entry = &self.entries[hypothesis.bank];
-            let indices = entry.indices(&hypothesis.set);
-            let errors = entry.bank.block_errors(&indices, &mut Workspace::default());
-            draws::unit_errors(rows, &errors, MIN_RUNS)
+            let errors = entry.bank.block_errors(&entry.indices(&hypothesis.set));
+            draws::unit_errors(self.rows, &errors, MIN_RUNS)
         });
         let falls: Vec<f64> = without.iter().zip(&with).map(|(a, b)| a - b).collect();
         let count = falls.len().max(2) as f64;
@@ -263,23 +263,15 @@ impl Table<'_> {
     /// Returns the largest coefficient of a cause in a hypothesis over its standard error.
     fn size_in_errors(&self, key: &CauseKey, hypothesis: &Hypothesis) -> f64 {
         let entry = &self.entries[hypothesis.bank];
-        let indices = entry.indices(&hypothesis.set);
-        let whole = entry.bank.fit(&indices, &mut Workspace::default());
-        let folds = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
-        let mut at = entry.base.columns.len();
-        let mut largest = 0.0f64;
-        for variant in hypothesis.set.iter().map(|at| &entry.variants[*at as usize]) {
-            let place = at..at + variant.columns.len();
-            at = place.end;
-            if variant.key == *key {
-                for column in place {
-                    let values: Vec<f64> = folds.iter().map(|fold| fold[column]).collect();
-                    let error = jackknife(&values).max(1e-12 * whole[column].abs());
-                    largest = largest.max(whole[column].abs() / error.max(f64::MIN_POSITIVE));
-                }
-            }
-        }
-        largest
+        let whole = entry.fit(&hypothesis.set);
+        let folds = entry.fits_without_fold(&hypothesis.set);
+        let of_cause = entry.placed(&hypothesis.set).filter(|(variant, _)| variant.key == *key);
+        let in_errors = |column: usize| {
+            let values: Vec<f64> = folds.iter().map(|fold| fold[column]).collect();
+            let error = jackknife(&values).max(1e-12 * whole[column].abs());
+            whole[column].abs() / error.max(f64::MIN_POSITIVE)
+        };
+        of_cause.flat_map(|(_, place)| place).map(in_errors).fold(0.0, f64::max)
     }
 
     /// Returns the share of the competitive laws whose own best hypothesis holds a cause.

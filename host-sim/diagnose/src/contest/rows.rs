@@ -8,11 +8,11 @@
 
 use super::covariate::{Covariate, covariates};
 use compensator_core::TermKind;
-use friction_fit::linear::Motion;
+use friction_fit::linear::{Inputs, Motion, Regressor};
 use friction_fit::{Track, white_noise};
-use joint_log::statistics::quantile_by_count;
+use joint_log::statistics::{extent, quantile_by_count};
 use joint_log::{Dataset, Quantity, segments};
-use std::ops::{Deref, DerefMut, Range};
+use std::ops::{Deref, Range};
 
 /// Fewest runs that are left out whole.
 const MIN_RUNS_FOR_FOLDS: usize = 3;
@@ -237,6 +237,20 @@ impl Rows {
         Some(&found.values)
     }
 
+    /// Returns the values of a regressor in all rows, for a friction level; `None` if the log lacks one of its columns.
+    pub(crate) fn values(&self, regressor: &Regressor, level: &[f64]) -> Option<Vec<f64>> {
+        let find = |name: &str| self.column(name);
+        regressor.values(&Inputs { motion: &self.motion, level, column: &find })
+    }
+
+    /// Returns what columns with these coefficients leave of the torque, in all rows.
+    pub(crate) fn residual(&self, columns: &[impl AsRef<[f64]>], sizes: &[f64]) -> Vec<f64> {
+        let model = |row: usize| -> f64 {
+            columns.iter().zip(sizes).map(|(column, size)| column.as_ref()[row] * size).sum()
+        };
+        self.map(|row| self.torque[row] - model(row))
+    }
+
     /// Returns the sum of the squared weights of the judged rows.
     pub fn weight(&self) -> f64 {
         self.judged.iter().map(|row| self.weights[*row].powi(2)).sum()
@@ -248,12 +262,6 @@ impl Deref for Rows {
 
     fn deref(&self) -> &Motion {
         &self.motion
-    }
-}
-
-impl DerefMut for Rows {
-    fn deref_mut(&mut self) -> &mut Motion {
-        &mut self.motion
     }
 }
 
@@ -282,8 +290,7 @@ fn swing(position: &[f64], runs: &[Range<usize>]) -> f64 {
 }
 
 fn range(values: &[f64]) -> f64 {
-    let ends = (f64::INFINITY, f64::NEG_INFINITY);
-    let (low, high) = values.iter().fold(ends, |(low, high), q| (low.min(*q), high.max(*q)));
+    let [low, high] = extent(values.iter().copied());
     (high - low).max(1e-12)
 }
 

@@ -5,11 +5,11 @@
 //! causes are in the model, and those that help get banks of their own.
 
 use super::bank::{Bank, Workspace};
+use super::cause::Waves;
 use super::cause::backlash::GapGrid;
 use super::correction::{Correction, tried};
 use super::draws::Draws;
-use super::entry::{Base, Entry, Origin, Waves};
-use super::finalists::finalists;
+use super::entry::{Base, Entry, Origin};
 use super::kernel::{KernelLaw, KernelStart};
 use super::law::{Law, LawStart, Shapes};
 use super::ledger::{Hypothesis, Ledger};
@@ -21,7 +21,6 @@ use super::table::Table;
 use super::weights::weigh;
 use joint_log::log_check::drives_both_ways;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 
 /// Share of the error that a correction must take to get a bank.
 const MIN_CORRECTION_GAIN: f64 = 0.02;
@@ -62,9 +61,14 @@ pub fn contest(rows: &mut Rows) -> Outcome {
     // The weights may change which law is the best.
     let laws = shapes.laws(rows);
     let Some(first) = laws.first() else { return without_law(plain) };
-    let waves = Waves { orders: Vec::new(), gaps: GapGrid::new(rows, &shapes) };
-    let mut contest =
-        Contest { rows, shapes: &shapes, free: first, waves, found: Found::default() };
+    let mut contest = Contest {
+        rows,
+        shapes: &shapes,
+        free: first,
+        waves: Waves { orders: Vec::new(), gaps: GapGrid::new(rows, &shapes) },
+        entries: Vec::new(),
+        hypotheses: Vec::new(),
+    };
     let bases: Vec<Base> =
         laws.iter().take(MOST_SHAPED).map(|law| Base::of_shapes(rows, &shapes, law)).collect();
     let without_causes =
@@ -77,29 +81,21 @@ pub fn contest(rows: &mut Rows) -> Outcome {
         kernels.push(kernel);
     }
     for _ in 0..KERNEL_ROUNDS {
-        let before = contest.found.best().map_or(f64::INFINITY, Hypothesis::cost);
+        let before = contest.least_cost();
         contest.round(&bases, &mut kernels);
-        let after = contest.found.best().map_or(f64::INFINITY, Hypothesis::cost);
-        if after > (1.0 - MIN_ROUND_GAIN) * before {
+        if contest.least_cost() > (1.0 - MIN_ROUND_GAIN) * before {
             break;
         }
     }
-    let Contest { waves, found: Found { mut entries, hypotheses }, .. } = contest;
+    let Contest { entries, hypotheses, .. } = contest;
     let ledger = Ledger::new(hypotheses);
-    let draws = draw(rows, &entries, &ledger);
-    // A hypothesis without a cause may hold channels of which the torque has a share.
-    for hypothesis in
-        finalists(&ledger, &draws).into_iter().chain(ledger.with_causes(&BTreeSet::new()))
-    {
-        entries[hypothesis.bank].restore_columns(rows, &shapes, &waves, &hypothesis.set);
-    }
     let linear = transferable(&entries, &ledger).and_then(|hypothesis| {
-        let entry = &mut entries[hypothesis.bank];
-        entry.restore_columns(rows, &shapes, &waves, &hypothesis.set);
-        linear::answer(rows, &shapes, entry, hypothesis)
+        linear::answer(rows, &shapes, &entries[hypothesis.bank], hypothesis)
     });
-    let table = Table { shapes: &shapes, entries: &entries, ledger: &ledger, draws: &draws };
-    Outcome { plain, linear, ..Outcome::new(rows, table) }
+    let draws = draw(rows, &entries, &ledger);
+    let (entries, ledger, draws) = (entries.as_slice(), &ledger, &draws);
+    let table = Table { rows, shapes: &shapes, entries, ledger, draws };
+    Outcome { plain, linear, ..Outcome::new(&table) }
 }
 
 /// A contest on the way.
@@ -109,43 +105,29 @@ struct Contest<'a> {
     /// The law of shapes that may take what the driver's law misses.
     free: &'a Law,
     waves: Waves,
-    found: Found,
-}
-
-/// Entries with all hypotheses that were scored.
-#[derive(Default)]
-struct Found {
     entries: Vec<Entry>,
+    /// All hypotheses of the entries that were scored.
     hypotheses: Vec<Hypothesis>,
 }
 
-impl Found {
+impl Contest<'_> {
+    /// Returns the hypothesis of the least cost.
     fn best(&self) -> Option<&Hypothesis> {
         self.hypotheses.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))
     }
-}
 
-impl Contest<'_> {
-    /// Builds the entries of laws with a correction and searches in them.
-    fn add(&mut self, bases: Vec<Base>, correction: Correction) {
-        let (rows, shapes, waves) = (self.rows, self.shapes, &self.waves);
-        let build = |base| {
-            // One after the other, in parallel inside: the columns of an entry are the largest part of the memory.
-            let mut entry = Entry::new(rows, shapes, base, correction, waves);
-            entry.drop_columns();
-            entry
-        };
-        let made: Vec<Entry> = bases.into_iter().map(build).collect();
-        self.found.hypotheses.extend(search_all(&made, self.found.entries.len()));
-        self.found.entries.extend(made);
+    /// Returns the least cost; infinite before the first search.
+    fn least_cost(&self) -> f64 {
+        self.best().map_or(f64::INFINITY, Hypothesis::cost)
     }
 
-    /// Returns the best hypothesis, whose columns are then in its entry.
-    fn best(&mut self) -> Option<Hypothesis> {
-        let best = self.found.best().cloned()?;
-        let entry = &mut self.found.entries[best.bank];
-        entry.restore_columns(self.rows, self.shapes, &self.waves, &best.set);
-        Some(best)
+    /// Builds the entries of laws with a correction and searches in them.
+    fn add(&mut self, bases: Vec<Base>, correction: Correction) {
+        // One after the other, in parallel inside: the columns of an entry are the largest part of the memory.
+        let build = |base| Entry::new(self.rows, self.shapes, base, correction, &self.waves);
+        let made: Vec<Entry> = bases.into_iter().map(build).collect();
+        self.hypotheses.extend(search_all(&made, self.entries.len()));
+        self.entries.extend(made);
     }
 
     /// Adds the driver's law, alone and beside a law of shapes.
@@ -156,8 +138,8 @@ impl Contest<'_> {
 
     /// Tries corrections of the log beside the best hypothesis, and linearises the driver's law anew with its causes.
     fn round(&mut self, bases: &[Base], kernels: &mut Vec<KernelLaw>) {
-        let Some(best) = self.best() else { return };
-        let entry = &self.found.entries[best.bank];
+        let Some(best) = self.best().cloned() else { return };
+        let entry = &self.entries[best.bank];
         let mut wanted = screen(self.rows, entry, &best);
         wanted.retain(|wanted| kernels.iter().all(|law| !law.correction.is_near(*wanted)));
         if matches!(entry.base.origin, Origin::Shapes(_)) {
@@ -167,9 +149,9 @@ impl Contest<'_> {
             let base: Vec<Base> = bases.iter().find(is_of_entry).cloned().into_iter().collect();
             wanted.iter().for_each(|correction| self.add(base.clone(), *correction));
         }
-        let best = self.best().unwrap_or(best);
+        let best = self.best().cloned().unwrap_or(best);
         self.find_orders(&best);
-        let entry = &self.found.entries[best.bank];
+        let entry = &self.entries[best.bank];
         let target = without_causes(self.rows, entry, &best.set);
         if !wanted.contains(&entry.correction) {
             wanted.push(entry.correction);
@@ -186,19 +168,19 @@ impl Contest<'_> {
 
     /// Finds the orders of waves in what a law leaves.
     fn find_first_orders(&mut self, base: &Base) {
-        let columns: Vec<&[f64]> = base.columns.iter().map(Vec::as_slice).collect();
-        let found = RippleOrders::find(self.rows, &base.residual, &columns, &base.level);
-        self.waves.orders.push(found);
+        let (residual, level) = (&base.fit.residual, &base.level.torque);
+        self.waves.orders.push(RippleOrders::find(self.rows, residual, &base.columns, level));
     }
 
     /// Finds the orders of waves in what a hypothesis leaves without its own causes of the position.
     fn find_orders(&mut self, best: &Hypothesis) {
-        let entry = &self.found.entries[best.bank];
+        let entry = &self.entries[best.bank];
         let mut set = best.set.clone();
         set.retain(|at| !entry.variants[*at as usize].is_of_position());
-        let residual = residual(self.rows, entry, &set);
-        let found =
-            RippleOrders::find(self.rows, &residual, &entry.columns(&set), &entry.base.level);
+        let columns = entry.columns(self.rows, &set);
+        let residual = self.rows.residual(&columns, &entry.fit(&set));
+        let level = &entry.base.level.torque;
+        let found = RippleOrders::find(self.rows, &residual, &columns, level);
         if self.waves.orders.iter().all(|known| !known.is_like(&found)) {
             self.waves.orders.push(found);
         }
@@ -210,7 +192,7 @@ fn reverse_driving_torque(rows: &mut Rows, shapes: &Shapes) {
     let pairs =
         rows.torque.iter().zip(&rows.velocity).map(|(torque, velocity)| (*torque, *velocity));
     if drives_both_ways(pairs)
-        && Base::of_shapes(rows, shapes, &Shapes::plain_law()).level_scale < 0.0
+        && Base::of_shapes(rows, shapes, &Shapes::plain_law()).level.scale < 0.0
     {
         rows.reverse_torque();
     }
@@ -219,7 +201,7 @@ fn reverse_driving_torque(rows: &mut Rows, shapes: &Shapes) {
 /// Fits the driver's law without a cause, from the best laws of shapes; `None` if it has no finite fit.
 fn fit_kernel(rows: &Rows, shapes: &Shapes, laws: &[Law]) -> Option<KernelLaw> {
     let start = |law: &Law| {
-        let sizes = Base::of_shapes(rows, shapes, law).sizes;
+        let sizes = Base::of_shapes(rows, shapes, law).fit.sizes;
         KernelStart::of_shapes(rows, &LawStart::of_shapes(rows, shapes, law, &sizes))
     };
     let starts: Vec<KernelStart> = laws.iter().take(MOST_STARTS).filter_map(start).collect();
@@ -231,10 +213,10 @@ fn weigh_rows(rows: &mut Rows, shapes: &Shapes, law: &Law, kernel: Option<&Kerne
     let base = Base::of_shapes(rows, shapes, law);
     let square =
         |residual: &[f64]| rows.judged.iter().map(|row| residual[*row].powi(2)).sum::<f64>();
-    let better = kernel.filter(|kernel| square(&kernel.residual) < square(&base.residual));
+    let better = kernel.filter(|kernel| square(&kernel.residual) < square(&base.fit.residual));
     let (residual, travel) = match better {
         Some(kernel) => (&kernel.residual, shapes.nearest_travel(kernel.travel)),
-        None => (&base.residual, base.travel),
+        None => (&base.fit.residual, base.travel),
     };
     let motion_error = kernel.map_or(&[][..], |kernel| kernel.motion_error.as_slice());
     let memory = kernel.map_or(&[][..], |kernel| kernel.memory.as_slice());
@@ -243,26 +225,14 @@ fn weigh_rows(rows: &mut Rows, shapes: &Shapes, law: &Law, kernel: Option<&Kerne
 
 /// Returns the torque less the causes of a set.
 fn without_causes(rows: &Rows, entry: &Entry, set: &[u16]) -> Vec<f64> {
-    let sizes = entry.bank.fit(&entry.indices(set), &mut Workspace::default());
-    let columns = entry.columns(set);
-    let causes = entry.base.columns.len()..columns.len();
-    rows.map(|row| {
-        rows.torque[row] - causes.clone().map(|at| columns[at][row] * sizes[at]).sum::<f64>()
-    })
+    let (columns, sizes) = (entry.columns(rows, set), entry.fit(set));
+    let law = entry.base.columns.len();
+    rows.residual(&columns[law..], &sizes[law..])
 }
 
 fn search_all(entries: &[Entry], first: usize) -> Vec<Hypothesis> {
     let search = |(at, entry): (usize, &Entry)| entry.search(first + at);
     entries.par_iter().enumerate().flat_map(search).collect()
-}
-
-/// Returns what a set of variants leaves, fitted to all rows.
-fn residual(rows: &Rows, entry: &Entry, set: &[u16]) -> Vec<f64> {
-    let sizes = entry.bank.fit(&entry.indices(set), &mut Workspace::default());
-    let columns = entry.columns(set);
-    rows.map(|row| {
-        rows.torque[row] - columns.iter().zip(&sizes).map(|(c, size)| c[row] * size).sum::<f64>()
-    })
 }
 
 /// A correction with the squared error that it leaves.
@@ -274,11 +244,10 @@ struct Screened {
 
 /// Returns the corrections with which the columns of a hypothesis leave less.
 fn screen(rows: &Rows, entry: &Entry, best: &Hypothesis) -> Vec<Correction> {
-    let columns = entry.columns(&best.set);
+    let columns = entry.columns(rows, &best.set);
     let screened = |correction: &Correction| {
         let corrected: Vec<Vec<f64>> =
             columns.iter().map(|column| correction.apply(rows, column)).collect();
-        let corrected: Vec<&[f64]> = corrected.iter().map(Vec::as_slice).collect();
         let bank = Bank::new(rows, &corrected);
         let all: Vec<usize> = (0..corrected.len()).collect();
         let error = bank.error(&all, &mut Workspace::default());
@@ -311,7 +280,7 @@ fn draw(rows: &Rows, entries: &[Entry], ledger: &Ledger) -> Draws {
         ledger.hypotheses.iter().take_while(|h| h.cost() <= most).take(MOST_DRAWN).collect();
     let errors = |hypothesis: &&Hypothesis| {
         let entry = &entries[hypothesis.bank];
-        entry.bank.block_errors(&entry.indices(&hypothesis.set), &mut Workspace::default())
+        entry.bank.block_errors(&entry.indices(&hypothesis.set))
     };
     let errors: Vec<Vec<f64>> = drawn.par_iter().map(errors).collect();
     Draws::new(rows, &drawn, &errors)

@@ -41,8 +41,8 @@ impl<'a> Search<'a> {
     pub fn new(bank: &'a Bank, law: usize, variants: &'a [Variant]) -> Self {
         let mut at = law;
         let first = variants.iter().map(|variant| {
-            at += variant.columns.len();
-            at - variant.columns.len()
+            at += variant.width();
+            at - variant.width()
         });
         let first = first.collect();
         let work = Workspace::default();
@@ -54,7 +54,7 @@ impl<'a> Search<'a> {
         let mut columns: Vec<usize> = (0..self.law).collect();
         for variant in set {
             let (first, count) =
-                (self.first[*variant as usize], self.variants[*variant as usize].columns.len());
+                (self.first[*variant as usize], self.variants[*variant as usize].width());
             columns.extend(first..first + count);
         }
         columns
@@ -151,8 +151,8 @@ impl<'a> Search<'a> {
         let mut at = self.law;
         set.iter().all(|index| {
             let variant = &self.variants[*index as usize];
-            at += variant.columns.len();
-            variant.sign * sizes[at - variant.columns.len()] >= 0.0
+            at += variant.width();
+            variant.sign * sizes[at - variant.width()] >= 0.0
         })
     }
 
@@ -182,6 +182,7 @@ fn with(set: &[u16], variant: u16) -> CauseSet {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contest::cause::ColumnSource;
     use crate::contest::rows::tests::example;
     use crate::contest::{CauseKey, Detail};
 
@@ -189,8 +190,7 @@ mod tests {
         Variant {
             key: CauseKey { cause, columns: Vec::new() },
             detail: Detail::Only,
-            regressors: Vec::new(),
-            columns: vec![column],
+            source: ColumnSource::Simulated(column.into()),
             price: 0.02,
             sign: 1.0,
         }
@@ -204,12 +204,8 @@ mod tests {
         let level: Vec<f64> = sign.iter().zip(pressure).map(|(s, p)| s * p).collect();
         let decoy: Vec<f64> =
             level.iter().zip(&rows.acceleration).map(|(a, b)| a + 0.3 * b).collect();
+        let bank = Bank::new(&rows, &[&sign, &rows.velocity, &decoy, &level]);
         let variants = [variant("decoy", decoy), variant("pressure", level)];
-        let columns: Vec<&[f64]> =
-            [&sign, &rows.velocity, &variants[0].columns[0], &variants[1].columns[0]]
-                .map(|c| c.as_slice())
-                .to_vec();
-        let bank = Bank::new(&rows, &columns);
         let mut search = Search::new(&bank, 2, &variants);
         search.run();
         let best = search.scores.iter().min_by(|a, b| {

@@ -1,6 +1,5 @@
 //! All that a contest has scored.
 
-use super::bank::Workspace;
 use super::draws::Draws;
 use super::entry::Entry;
 use super::law::Shapes;
@@ -9,6 +8,7 @@ use super::rows::Rows;
 
 /// What an outcome and its finalists are made of.
 pub(crate) struct Table<'a> {
+    pub(crate) rows: &'a Rows,
     pub(crate) shapes: &'a Shapes,
     pub(crate) entries: &'a [Entry],
     pub(crate) ledger: &'a Ledger,
@@ -17,11 +17,10 @@ pub(crate) struct Table<'a> {
 
 impl Table<'_> {
     /// Returns the unweighted held-out RMS error of a hypothesis.
-    pub(super) fn rmse(&self, rows: &Rows, hypothesis: &Hypothesis) -> f64 {
-        let entry = &self.entries[hypothesis.bank];
-        let columns = entry.columns(&hypothesis.set);
-        let indices = entry.indices(&hypothesis.set);
-        let fits = entry.bank.fits_without_fold(&indices, &mut Workspace::default());
+    pub(super) fn rmse(&self, hypothesis: &Hypothesis) -> f64 {
+        let (rows, entry) = (self.rows, &self.entries[hypothesis.bank]);
+        let columns = entry.columns(rows, &hypothesis.set);
+        let fits = entry.fits_without_fold(&hypothesis.set);
         let mut squares = 0.0;
         for (block, fold) in rows.blocks.iter().zip(&rows.fold_of_block) {
             for row in &rows.judged[block.clone()] {

@@ -74,7 +74,7 @@ fn next_recording(diagnosis: &Diagnosis) -> String {
     if let Some(finding) = confused {
         return to_distinguish(finding);
     }
-    let asked = |finding: &Finding| finding.cause.next_experiment(&finding.columns);
+    let asked = |finding: &Finding| (finding.cause.next_experiment)(&finding.columns);
     if let Some(next) = diagnosis.findings.iter().find_map(asked) {
         return next;
     }

@@ -333,6 +333,18 @@ fn diagnose_screw_with_varying_zero_finds_ripple_of_order_one_possible() {
     assert!(fitted.get(ParameterId::TorqueRippleSine1) != 0.0);
 }
 
+/// The excerpt is averaged, so that its runs begin nearly at the same position.
+#[test]
+fn diagnose_excerpt_of_screw_shifts_its_runs_to_a_common_phase() {
+    let screw = Case { files: &["screw-antibacklash.csv"], rigid_body: "offset", ..CASE };
+    let found = examine(&MeasuredLogs::excerpts(), &screw);
+    assert_eq!(found.cause(), "torque-ripple");
+    assert_eq!(found.log.aligned_order, Some(1), "{:?}", found.log.notes);
+    let sine = ParameterId::TorqueRippleSine1;
+    assert!(found.extended.parameters.get(sine) != 0.0);
+    assert_eq!(found.transferable_model().parameters.get(sine), 0.0);
+}
+
 #[test]
 fn diagnose_first_robot_axis_names_ripple_of_order_eight() {
     let Some((answer, _)) = answer(&Case { files: &["robot-axis1.csv"], ..ROBOT_AXIS }) else {

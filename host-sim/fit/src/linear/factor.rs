@@ -133,10 +133,7 @@ impl Factor {
             Self::One => map(&|_| 1.0),
             Self::Velocity => Cow::Borrowed(velocity),
             Self::Speed => map(&|row| velocity[row].abs()),
-            Self::Direction { above } => map(&|row| {
-                let velocity = motion.velocity[row];
-                if velocity.abs() > *above { velocity.signum() } else { 0.0 }
-            }),
+            Self::Direction { above } => map(&|row| direction(motion.velocity[row], *above)),
             Self::Acceleration => Cow::Borrowed(&motion.acceleration),
             Self::Stop { travel } => Cow::Owned(stop(position, &motion.runs, *travel)),
             Self::StopBehindGap { gap, travel } => {
@@ -152,12 +149,7 @@ impl Factor {
                 map(&|row| legendre(*degree, place(row).clamp(-MOST_BEYOND, MOST_BEYOND)))
             }
             Self::Column { name, mean, spread, late_s } => {
-                let values = (inputs.column)(name)?;
-                let rows = (late_s / motion.step_s).round() as i32;
-                let moved = match rows {
-                    0 => Cow::Borrowed(values),
-                    _ => Cow::Owned(shift(values, &motion.runs, -rows)),
-                };
+                let moved = in_time((inputs.column)(name)?, motion, *late_s);
                 map(&|row| (moved[row] - mean) / spread)
             }
             Self::ColumnMagnitude { name } => {
@@ -187,12 +179,8 @@ impl Factor {
                 let heat = heat(motion, inputs.level, *cooling_s);
                 map(&|row| 1.0 - (-heat[row] / scale).exp())
             }
-            Self::SineByRun { order, phases } => {
-                Cow::Owned(by_run(motion, phases, |q, phase| (order * q + phase).sin()))
-            }
-            Self::CosineByRun { order, phases } => {
-                Cow::Owned(by_run(motion, phases, |q, phase| (order * q + phase).cos()))
-            }
+            Self::SineByRun { order, phases } => by_run(motion, *order, phases, f64::sin),
+            Self::CosineByRun { order, phases } => by_run(motion, *order, phases, f64::cos),
         })
     }
 }
@@ -212,14 +200,28 @@ fn passed(time_s: f64, from_s: f64, to_s: f64) -> f64 {
     ((time_s - from_s) / (to_s - from_s).max(1e-9)).clamp(0.0, 1.0)
 }
 
-fn by_run(motion: &Motion, phases: &[f64], of: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+/// Returns the sign of a velocity; 0 up to a speed.
+fn direction(velocity: f64, above: f64) -> f64 {
+    if velocity.abs() > above { velocity.signum() } else { 0.0 }
+}
+
+/// Returns the values of a column that is `late_s` after the motion, at the times of the motion.
+fn in_time<'a>(values: &'a [f64], motion: &Motion, late_s: f64) -> Cow<'a, [f64]> {
+    match (late_s / motion.step_s).round() as i32 {
+        0 => Cow::Borrowed(values),
+        rows => Cow::Owned(shift(values, &motion.runs, -rows)),
+    }
+}
+
+/// Returns a wave of the position with a phase of its own in each run.
+fn by_run<'a>(motion: &Motion, order: f64, phases: &[f64], wave: fn(f64) -> f64) -> Cow<'a, [f64]> {
     let mut out = vec![0.0; motion.len()];
     for (run, phase) in motion.runs.iter().zip(phases) {
         for row in run.clone() {
-            out[row] = of(motion.position[row], *phase);
+            out[row] = wave(order * motion.position[row] + phase);
         }
     }
-    out
+    Cow::Owned(out)
 }
 
 /// What a rest does to the breakaway after it, in all rows.

@@ -6,7 +6,8 @@
 use super::{Columns, Context, form, of_level};
 use crate::contest::covariate::{Covariate, MOST_LEVELS, OtherMotion};
 use crate::contest::detail::Detail;
-use friction_fit::linear::{Factor, Inputs, Regressor};
+use friction_fit::ChannelGain;
+use friction_fit::linear::{Factor, Regressor};
 use joint_log::Quantity;
 use joint_log::statistics::correlation;
 
@@ -35,12 +36,10 @@ fn forms(
         detail,
         regressors: vec![regressor(covariate.late(late_s))],
     };
-    let find = |name: &str| rows.column(name);
-    let inputs = Inputs { motion: &rows.motion, level: context.level, column: &find };
     let explains = |late_s: f64| {
-        let column = regressor(covariate.late(late_s)).values(&inputs).unwrap_or_default();
-        let rows = column.into_iter().zip(context.residual.iter().copied());
-        correlation(rows).powi(2)
+        let column = rows.values(&regressor(covariate.late(late_s)), context.level);
+        let residual = context.residual.iter().copied();
+        correlation(column.unwrap_or_default().into_iter().zip(residual)).powi(2)
     };
     let mut found = vec![variant(Detail::Only, 0.0)];
     // A column with a few levels does not say when it changed within a level.
@@ -100,6 +99,16 @@ pub(super) fn gain(context: &Context) -> Vec<Columns> {
         .filter(|quantity| is_free(quantity))
         .filter_map(|quantity| rows.quantity(*quantity));
     channels.map(|channel| following(channel, vec![Regressor::from([channel.factor()])])).collect()
+}
+
+/// Returns the share of a channel in the torque from the coefficient of its regressor; `None` for a regressor without a channel.
+pub(crate) fn channel_gain(regressor: &Regressor, size: f64) -> Option<ChannelGain> {
+    match regressor.factors.first()? {
+        Factor::Column { name, mean, spread, .. } => {
+            Some(ChannelGain { column: name.clone(), gain: size / spread, mean: *mean })
+        }
+        _ => None,
+    }
 }
 
 pub(super) fn temperature_viscous(context: &Context) -> Vec<Columns> {

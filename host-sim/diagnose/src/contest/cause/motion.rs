@@ -5,7 +5,7 @@ use crate::contest::detail::Detail;
 use crate::contest::rows::Rows;
 use friction_fit::linear::{Factor, Regressor, heat, mean_growth};
 use joint_log::JointKind;
-use joint_log::statistics::quantile_by_count;
+use joint_log::statistics::{extent, quantile_by_count};
 
 /// Displacement within which a joint rests, as a share of the travel.
 const REST_TRAVEL: f64 = 0.02;
@@ -94,8 +94,7 @@ pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
     if !rows.has_campaign_clock {
         return Vec::new();
     }
-    let ends = (f64::INFINITY, f64::NEG_INFINITY);
-    let (from_s, to_s) = rows.time_s.iter().fold(ends, |(a, b), t| (a.min(*t), b.max(*t)));
+    let [from_s, to_s] = extent(rows.time_s.iter().copied());
     let mut found = vec![plain(form("linear"), vec![of_level(Factor::Passed { from_s, to_s })])];
     for constant in DRIFTS {
         let factor = Factor::RunIn { from_s, to_s, constant };
@@ -110,9 +109,8 @@ pub(super) fn time_drift(context: &Context) -> Vec<Columns> {
 pub(super) fn warm_up(context: &Context) -> Vec<Columns> {
     let mut found = Vec::new();
     for cooling_s in COOLING_S {
-        let large = quantile_by_count(heat(&context.rows.motion, context.level, cooling_s), 0.9)
-            .unwrap_or_default()
-            + 1e-12;
+        let heat = heat(&context.rows.motion, context.level, cooling_s);
+        let large = quantile_by_count(heat, 0.9).unwrap_or_default() + 1e-12;
         for share in HEATS {
             let factor = Factor::Warmth { scale: share * large, cooling_s };
             found.push(plain(

@@ -26,7 +26,7 @@ pub(super) fn torque_ripple(context: &Context) -> Vec<Columns> {
         let variant = |set: &&[f64]| plain(waves_of(set), regressors(set, &[]));
         sets.iter().map(variant).collect::<Vec<Columns>>()
     };
-    let all = context.orders.iter().flat_map(whole).chain(free_phase(context));
+    let all = context.waves.orders.iter().flat_map(whole).chain(free_phase(context));
     all.chain(transmission_error(context)).collect()
 }
 
@@ -38,7 +38,7 @@ fn transmission_error(context: &Context) -> Vec<Columns> {
         return Vec::new();
     }
     let highest = ENCODER_ORDERS.iter().copied().fold(0.0, f64::max);
-    let orders = context.orders.iter().filter_map(|found| found.torque.first());
+    let orders = context.waves.orders.iter().filter_map(|found| found.torque.first());
     let orders = orders.filter(|order| **order > highest);
     orders
         .map(|order| plain(Detail::waves(&[*order], WaveKind::OfSpeed), of_motion(*order)))
@@ -64,19 +64,19 @@ fn of_motion(order: f64) -> Vec<Regressor> {
 
 /// The wave whose phase differs between the runs, and its first harmonic.
 fn free_phase(context: &Context) -> Option<Columns> {
-    let (order, phases) = context.orders.first()?.by_run.as_ref()?;
+    let found = context.waves.orders.first()?.free_phase.as_ref()?;
     let waves = [1.0, 2.0].map(|multiple| {
-        let order = multiple * order;
-        let phases: Vec<f64> = phases.iter().map(|phase| multiple * phase).collect();
+        let order = multiple * found.order;
+        let phases: Vec<f64> = found.phases_rad.iter().map(|phase| multiple * phase).collect();
         let sine = Factor::SineByRun { order, phases: phases.clone() };
         [sine, Factor::CosineByRun { order, phases }].map(|wave| Regressor::from([wave]))
     });
-    let orders = [*order, 2.0 * order];
+    let orders = [found.order, 2.0 * found.order];
     Some(plain(Detail::waves(&orders, WaveKind::FreePhase), waves.concat()))
 }
 
 pub(super) fn position_ripple(context: &Context) -> Vec<Columns> {
-    let orders = context.orders.iter().flat_map(|found| found.level.iter().take(2));
+    let orders = context.waves.orders.iter().flat_map(|found| found.level.iter().take(2));
     let variant = |order: &f64| plain(waves_of(&[*order]), regressors(&[*order], &[Factor::Level]));
     orders.map(variant).collect()
 }

@@ -4,9 +4,9 @@
 //! columns are simulated: the derivative of the torque by the term's parameter, or the whole difference that the term makes at
 //! one setting of a grid. A column of the second kind has a positive size in a model, near one where the setting is right.
 
-use super::{Variant, form};
+use super::{ColumnSource, Variant, form, is_usable};
 use crate::contest::cause_key::CauseKey;
-use crate::contest::detail::Detail;
+use crate::contest::detail::{Detail, SimulatedGap};
 use crate::contest::rows::Rows;
 use crate::sensitivities::{Exact, Sensitivities, exact};
 use compensator_core::{ParameterId as Id, TermKind};
@@ -53,12 +53,10 @@ pub(crate) fn variants(
             .map(|(track, along)| exact(at, track, along, &wanted.effect))
             .collect();
         let column = rows.along_tracks(tracks.iter().zip(columns.iter().map(Vec::as_slice)));
-        let is_usable = column.iter().all(|v| v.is_finite()) && column.iter().any(|v| *v != 0.0);
-        is_usable.then(|| Variant {
+        is_usable(&column).then(|| Variant {
             key: CauseKey { cause: wanted.cause, columns: wanted.follows },
             detail: wanted.detail,
-            regressors: Vec::new(),
-            columns: vec![column],
+            source: ColumnSource::Simulated(column.into()),
             price: super::MIMIC,
             sign: wanted.sign,
         })
@@ -76,17 +74,18 @@ fn backlash(rows: &Rows, at: &Sensitivities, travel: f64) -> Vec<Simulated> {
         gaps.into_iter().filter(|gap| *gap < LARGEST_GAP * rows.swing && *gap > rows.least_step);
     let mut wanted = Vec::new();
     for gap in gaps {
-        for (unloaded, place) in [(0.0, "after the reversal"), (1.0, "where unloaded")] {
-            for times in [1.0, STIFFER] {
+        for is_unloaded in [false, true] {
+            for stiffness_ratio in [1.0, STIFFER] {
                 let settings = vec![
                     (Id::BacklashTravel, gap),
-                    (Id::BacklashUnloaded, unloaded),
-                    (Id::BristleStiffness, times * stiffness),
+                    (Id::BacklashUnloaded, f64::from(u8::from(is_unloaded))),
+                    (Id::BristleStiffness, stiffness_ratio * stiffness),
                 ];
+                let found = SimulatedGap { gap, is_unloaded, stiffness_ratio };
                 wanted.push(Simulated {
                     cause: "backlash",
                     follows: Vec::new(),
-                    detail: form(format!("gap {gap:.3e} {place}, stiffness x {times}")),
+                    detail: Detail::SimulatedGap(found),
                     sign: 1.0,
                     effect: Exact { kind: TermKind::Backlash, settings, derivative: None },
                 });

@@ -8,6 +8,7 @@ use crate::contest::covariate::Covariate;
 use crate::contest::detail::Detail;
 use friction_fit::linear::{Factor, Regressor};
 use joint_log::Quantity;
+use joint_log::statistics::extent;
 
 /// Pairs of quantities whose product may scale the friction level.
 const PAIRS: [(Quantity, Quantity); 3] = [
@@ -46,9 +47,8 @@ fn place(context: &Context) -> Vec<Columns> {
     if !rows.has_position {
         return Vec::new();
     }
-    let ends = (f64::INFINITY, f64::NEG_INFINITY);
-    let ends = rows.position.iter().fold(ends, |(a, b), q| (a.min(*q), b.max(*q)));
-    let curves = [1, 2, 3].map(|degree| Factor::Curve { degree, from: ends.0, to: ends.1 });
+    let [from, to] = extent(rows.position.iter().copied());
+    let curves = [1, 2, 3].map(|degree| Factor::Curve { degree, from, to });
     let name = Quantity::Position.name(rows.joint);
     let variant = |of_level: bool, regressors| Columns {
         follows: vec![name.into()],
