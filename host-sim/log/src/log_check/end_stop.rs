@@ -1,7 +1,9 @@
 //! A joint that is pushed against an end stop: at rest at an end of its travel, with more torque than any motion took.
 //!
 //! Static friction holds a joint at rest up to the torque at which it breaks away, so the torque of a rest that exceeds all
-//! torques of the motion of the same run is held by something else. The stop's torque is no friction. Such rows are left out.
+//! torques of the motion of the same run is held by something else. That motion may be too fast to show how much the friction
+//! rises towards rest, so all slow rows of the log count too, but those that push outwards at an end. The stop's torque is no
+//! friction. Such rows are left out.
 //!
 //! Without a position, the integral of the velocity shows the ends of the travel, in each part of a run without gaps.
 
@@ -22,8 +24,11 @@ use std::ops::Range;
 /// Minimum number of consecutive rows at a stop.
 const MIN_CONSECUTIVE_ROWS: usize = 5;
 
-/// Minimum largest torque of a push, in the 99.5th percentile of the torques of the motion.
+/// Minimum largest torque of a push, in the largest torque of the motion and of the slow rows.
 const MIN_TORQUE_RATIO: f64 = 1.3;
+
+/// Quantile of the torques that stands for the largest one: single rows may be outliers.
+const LARGEST: f64 = 0.995;
 
 /// Maximum distance from the end of the travel, as a share of it. A stop yields.
 const MAX_DISTANCE_SHARE: f64 = 0.03;
@@ -115,18 +120,23 @@ fn courses(data: &Dataset) -> Vec<Course<'_>> {
 fn rows_at_stop(data: &Dataset) -> Rows {
     let slow = least_moving_speed(data);
     let usual: Vec<Option<f64>> = data.runs.iter().map(|run| usual_torque(run, slow)).collect();
+    let courses = courses(data);
+    let ends_of = |course: &Course| -> Vec<Option<f64>> {
+        (0..course.rows.len()).map(|at| course.end(&data.runs[course.run], at, slow)).collect()
+    };
+    let ends: Vec<Vec<Option<f64>>> = courses.iter().map(ends_of).collect();
+    let static_torque = largest_slow_torque(data, &courses, &ends, slow);
     let mut found = Rows::new();
-    for course in courses(data) {
+    for (course, ends) in courses.iter().zip(&ends) {
         let (run, Some(usual)) = (&data.runs[course.run], usual[course.run]) else { continue };
         let count = course.rows.len();
-        let ends: Vec<Option<f64>> = (0..count).map(|at| course.end(run, at, slow)).collect();
-        for stretch in stretches(&ends, |one, next| one == next) {
+        for stretch in stretches(ends, |one, next| one == next) {
             let length = stretch.len();
             let end = ends[stretch.start].filter(|_| length >= MIN_CONSECUTIVE_ROWS);
             let Some(end) = end else { continue };
             let torques = &run.torque[course.rows.clone()][stretch.clone()];
             let push = torques.iter().fold(0.0, |most: f64, torque| most.max(torque.abs()));
-            if push > MIN_TORQUE_RATIO * usual {
+            if push > MIN_TORQUE_RATIO * usual.max(static_torque) {
                 // The stop yields while the joint arrives and leaves.
                 let is_near = |at: &usize| course.is_near(*at, end);
                 let (before, after) = ((0..stretch.start).rev(), stretch.end..count);
@@ -139,11 +149,28 @@ fn rows_at_stop(data: &Dataset) -> Rows {
     found
 }
 
+/// Returns the largest torque of the slow rows that push against no end; 0 without one.
+fn largest_slow_torque(
+    data: &Dataset,
+    courses: &[Course],
+    ends: &[Vec<Option<f64>>],
+    slow: f64,
+) -> f64 {
+    let mut torques = Vec::new();
+    for (course, ends) in courses.iter().zip(ends) {
+        let run = &data.runs[course.run];
+        let free = course.rows.clone().zip(ends).filter(|(_, end)| end.is_none());
+        let slow_rows = free.filter(|(row, _)| run.velocity[*row].abs() <= slow);
+        torques.extend(slow_rows.map(|(row, _)| run.torque[row].abs()));
+    }
+    quantile(&mut torques, LARGEST).unwrap_or_default()
+}
+
 /// Returns the largest torque of a run's motion; `None` for a run that hardly moves, whose friction may differ from that of others.
 fn usual_torque(run: &Run, slow: f64) -> Option<f64> {
     let rows = run.torque.iter().zip(&run.velocity);
     let moving = rows.filter(|(_, velocity)| velocity.abs() > slow);
     let mut torques: Vec<f64> = moving.map(|(torque, _)| torque.abs()).collect();
     let moves = torques.len() as f64 > MIN_MOVING_SHARE * run.len() as f64;
-    quantile(&mut torques, 0.995).filter(|_| moves)
+    quantile(&mut torques, LARGEST).filter(|_| moves)
 }
