@@ -92,7 +92,7 @@ pub fn run(arguments: &DemoArguments) -> Result {
         Ok::<_, CommandError>((found, stochastic))
     })?;
     printer.step(&format!(
-        "Fitted {} and evaluated {} candidate causes{}.",
+        "Fitted {} and evaluated {} of the candidate causes{}.",
         found.baseline.spec,
         found.candidates.len(),
         describe_extension(&found)

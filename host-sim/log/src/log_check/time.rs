@@ -27,7 +27,8 @@ pub fn jumps(log: &Log) -> Vec<LogFinding> {
     }
     if gaps > 0 {
         let words = format!(
-            "The log has {gaps} gaps, the longest of {} s: each segment between them is used separately.",
+            "The log has {gaps} gap{}, the longest of {} s: each segment between them is used separately.",
+            if gaps == 1 { "" } else { "s" },
             figure(longest)
         );
         found.push(finding(longest, "s", words));
