@@ -77,9 +77,12 @@ pub enum BusError {
     /// The bus cannot be opened.
     #[error("bus {name}: {source}")]
     Open { name: String, source: OpenError },
-    /// The other end is gone, or the interface is down.
+    /// The other end of a serial line is gone.
     #[error("bus {name}: {why}")]
     Closed { name: String, why: String },
+    /// The interface is down or was removed.
+    #[error("bus {name}: {why}")]
+    NoInterface { name: String, why: String },
     /// There was no room for a frame within the time limit.
     #[error(
         "bus {name}: no room to send for {waited_ms} ms; check that another node acknowledges frames"

@@ -104,7 +104,7 @@ fn is_over(longest_s: Option<f64>) -> Result<impl Fn() -> bool> {
 
 fn node_result(outcome: Result<(), JointError>) -> Result {
     match outcome {
-        // On a serial line, the peer ends the node by closing the connection.
+        // The other end of a serial line ends the node by closing the connection.
         Err(JointError::Bus(BusError::Closed { .. })) | Ok(()) => Ok(()),
         Err(error) => Err(error.into()),
     }

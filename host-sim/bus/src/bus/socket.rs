@@ -109,12 +109,12 @@ impl SocketCan {
 
     fn failed(&self, source: io::Error) -> BusError {
         let name = self.name.clone();
-        let closed = |why: &str| BusError::Closed { name: name.clone(), why: why.into() };
+        let missing = |why: &str| BusError::NoInterface { name: name.clone(), why: why.into() };
         match Errno::from_io_error(&source) {
             Some(Errno::NETDOWN) => {
-                closed(&format!("the interface is down; ip link set {} up", self.name))
+                missing(&format!("the interface is down; ip link set {} up", self.name))
             }
-            Some(Errno::NODEV | Errno::NXIO) => closed("the interface was removed"),
+            Some(Errno::NODEV | Errno::NXIO) => missing("the interface was removed"),
             _ => BusError::Io { name, source },
         }
     }

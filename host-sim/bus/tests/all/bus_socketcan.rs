@@ -279,7 +279,7 @@ fn open_with_down_missing_or_classic_interface_reports_it() {
     bus.send(&data(1, false, &[])).expect("up again");
     run("ip link del vcan7");
     let error = bus.receive_within(SECOND).expect_err("gone");
-    assert!(matches!(error, BusError::Closed { .. }), "{error}");
+    assert!(matches!(error, BusError::NoInterface { .. }), "{error}");
     refused("vcan7 type vcan");
     let error = SocketCan::open("lo").expect_err("no CAN");
     assert!(matches!(&error, BusError::Open { name, .. } if name == "lo"), "{error}");
