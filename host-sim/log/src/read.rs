@@ -82,7 +82,7 @@ fn read_logs(
     }
     match purpose {
         Purpose::Join => join_recordings(names, channels, options),
-        _ => finish(merge(names, parts)?, options),
+        _ => finish(merge(names, names.iter().map(stem), parts)?, options),
     }
 }
 
@@ -108,11 +108,12 @@ fn join_recordings(
         let channels = channels.filter_map(|of| Some((of.word.clone(), tables[of.index].take()?)));
         let joined = join::join_tables(&recording.name, channels.collect(), options)?;
         parts.push(read_table(&joined.table, options)?);
-        names.push(PathBuf::from(&joined.table.name));
+        names.push(joined.table.name.clone());
         firsts.push(recording.files[0].index);
         joined_notes.push(format!("{} are joined by {}", joined.files, joined.in_words));
     }
-    let mut data = merge(&names, parts)?;
+    let first_files: Vec<PathBuf> = firsts.iter().map(|at| files[*at].clone()).collect();
+    let mut data = merge(&first_files, names.into_iter(), parts)?;
     for run in &mut data.runs {
         run.file = firsts[run.file];
     }
@@ -160,7 +161,7 @@ pub fn read_tables(tables: &[Table], options: &ReadOptions) -> Result<Dataset, D
         return join_recordings(&names, tables.to_vec(), options);
     }
     let parts = tables.iter().map(|table| read_table(table, options));
-    finish(merge(&names, parts.collect::<Result<_, _>>()?)?, options)
+    finish(merge(&names, names.iter().map(stem), parts.collect::<Result<_, _>>()?)?, options)
 }
 
 /// Validates and joins the contents of files as [`read`] does with the files. `progress` is called with the bytes done and
@@ -215,8 +216,13 @@ fn sizes(files: &[PathBuf]) -> Result<Vec<u64>, DataError> {
 /// An optional column: its quantity (`None` for an extra covariate) and its name.
 type ColumnKey = (Option<Quantity>, String);
 
-/// Joins the files to one data set.
-fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> {
+/// Joins the files to one data set. Runs without a name take those of their file in `names`.
+fn merge(
+    files: &[PathBuf],
+    names: impl Iterator<Item = String>,
+    parts: Vec<FileData>,
+) -> Result<Dataset, DataError> {
+    let names = distinct(names);
     let joint = parts[0].layout.joint;
     for (part, file) in parts.iter().zip(files) {
         if part.layout.joint != joint {
@@ -235,7 +241,6 @@ fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> 
             data.covariates.push(name.clone());
         }
     }
-    let stems = distinct_stems(files);
     let origins: Option<Vec<i128>> = parts.iter().map(|part| part.origin_ns).collect();
     let earliest = origins.and_then(|origins| origins.into_iter().min());
     for (at, part) in parts.into_iter().enumerate() {
@@ -266,9 +271,9 @@ fn merge(files: &[PathBuf], parts: Vec<FileData>) -> Result<Dataset, DataError> 
             }
             run.file = at;
             run.name = match (run.name.as_str(), files.len()) {
-                ("", _) => stems[at].clone(),
+                ("", _) => names[at].clone(),
                 (name, 1) if part.layout.run.is_some() => name.to_owned(),
-                (name, _) => format!("{}:{name}", stems[at]),
+                (name, _) => format!("{}:{name}", names[at]),
             };
             set_columns(&mut run, &places, &shared);
             data.runs.push(run);
@@ -339,21 +344,20 @@ fn shared_columns(
     shared
 }
 
-/// Returns the file names without their extensions, numbered if two are equal.
-fn distinct_stems(files: &[PathBuf]) -> Vec<String> {
-    let mut stems: Vec<String> = Vec::new();
-    for file in files {
-        let stem =
-            file.file_stem().map_or("data".into(), |stem| stem.to_string_lossy().into_owned());
-        let mut name = stem.clone();
-        let mut number = 2;
-        while stems.contains(&name) {
-            name = format!("{stem}-{number}");
-            number += 1;
-        }
-        stems.push(name);
+/// Returns the name of a file without its extension.
+fn stem(file: impl AsRef<Path>) -> String {
+    file.as_ref().file_stem().map_or("data".into(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// Returns names that differ: equal ones are numbered.
+fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    for name in names {
+        let numbered = (2..).map(|number| format!("{name}-{number}"));
+        let free = std::iter::once(name.clone()).chain(numbered).find(|name| !found.contains(name));
+        found.extend(free);
     }
-    stems
+    found
 }
 
 /// Drops the first samples of each run, and computes the torque by a servo's law if the options give one.
@@ -385,7 +389,7 @@ fn shorten(data: &mut Dataset, options: &ReadOptions) -> Result<(), DataError> {
     }
     if !too_short.is_empty() {
         let names = super::error::listed(&too_short);
-        data.notes.push(format!("runs shorter than --skip are left out: {names}"));
+        data.notes.push(format!("runs with no row after --skip are left out: {names}"));
     }
     data.runs.retain(|run| !run.is_empty());
     data.rows = data.runs.iter().map(Run::len).sum();

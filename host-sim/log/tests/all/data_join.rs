@@ -79,8 +79,8 @@ fn read_with_join_of_channels_with_one_clock_joins_rows() {
 #[test]
 fn read_with_join_of_many_recordings_makes_runs() {
     for name in [
-        |word: &str, run: u32| format!("{word}/{run:02}.csv"),
-        |word: &str, run: u32| format!("{run:02}_{word}.csv"),
+        |word: &str, run: u32| format!("{word}/1.{run:02}.csv"),
+        |word: &str, run: u32| format!("1.{run:02}_{word}.csv"),
     ] {
         let folder = Folder::new();
         let mut files: Vec<PathBuf> =
@@ -89,7 +89,8 @@ fn read_with_join_of_many_recordings_makes_runs() {
         files.sort();
         let data = read_with(&folder, &files, &options(PAIRS)).unwrap();
         let names: Vec<&str> = data.runs.iter().map(|run| run.name.as_str()).collect();
-        assert_eq!(names, ["01", "02", "03", "04"]);
+        // Their dots begin no extension.
+        assert_eq!(names, ["1.01", "1.02", "1.03", "1.04"]);
         assert!(data.runs.iter().all(|run| run.len() == 200));
         let more = data.notes.iter().find(|note| note.starts_with("1 ")).expect("a note");
         message::check("joins", "one more recording than is shown", more, &[]);
