@@ -29,7 +29,7 @@ pub fn run_c(file: &ParameterFile, period_s: f32, rows: &[CRow]) -> Vec<f64> {
     let columns = [
         ("velocity_rad_s", true),
         ("position_rad", inputs("position_rad")),
-        ("radial_force_n", header.contains("in->radial_force_n")),
+        ("radial_force_n", inputs("radial_force_n")),
         ("pressure_diff_pa", inputs("pressure_diff_pa")),
         ("temperature_c", inputs("temperature_c")),
         ("load_torque_nm", inputs("load_torque_nm")),
@@ -76,6 +76,9 @@ pub fn run_c(file: &ParameterFile, period_s: f32, rows: &[CRow]) -> Vec<f64> {
     let writer = std::thread::spawn(move || stdin.write_all(text.as_bytes()));
     let output = child.wait_with_output().expect("it ends");
     writer.join().expect("a writer").expect("read to the end");
+    assert!(output.status.success(), "{}", output.status);
     let text = String::from_utf8(output.stdout).expect("text");
-    text.lines().map(|line| line.parse().expect("a number")).collect()
+    let torques: Vec<f64> = text.lines().map(|line| line.parse().expect("a number")).collect();
+    assert_eq!(torques.len(), rows.len(), "a torque for each row");
+    torques
 }
