@@ -1,7 +1,8 @@
 //! Physical effects on friction, as functions of the quantity that each depends on.
 //!
 //! Both kinds of simulated joint have them: the one whose motion is imposed ([`crate::scenarios`]) and the driven one
-//! ([`crate::joint_plant`]). Each integrates the contact age and the stored heat by its own scheme.
+//! ([`crate::joint_plant`]). Each integrates the contact age and the stored heat by its own scheme, and the driven one has its
+//! own [`Thinning`].
 
 /// A sinusoidal function of the angle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,11 +1,12 @@
 //! Simulated machines for independent tests of the friction models.
 //!
 //! This package does not depend on `compensator-core`, so an agreement of both is not due to shared code. There are two kinds
-//! of joint. Both have the same effects, in double precision and with integrators of their own:
+//! of joint, in double precision and with integrators of their own:
 //!
 //! - [`scenarios`] impose the motion of a seal with the published friction. Its state is the bristle deflection `z` in rad,
 //!   and the travel is the independent variable. The core uses another state, a table, and steps of a sample period.
-//! - [`joint_plant`] is driven by a motor with its current loop, and has friction of another family.
+//! - [`joint_plant`] is driven by a motor with its current loop, and has friction of another family. It hides the same effects
+//!   but a delayed channel, a level that follows the load, and those outside the catalogue.
 
 pub mod conditions;
 pub mod effects;

@@ -7,8 +7,9 @@
 //! ```
 //!
 //! They replace the devices of [`super::sensing`] with the same kind of defect, so that a result on them does not
-//! depend on the filters and encoders of that module. Filters run at the log's rate and assume that their input is
-//! linear between rows.
+//! depend on the filters and encoders of that module. Filters run at the log's rate. The
+//! low-pass holds the mean of both ends between two rows, which also takes from noise what is near half the rate; the
+//! observer takes the angle as linear.
 
 use simulated_machines::effects::Wave;
 use simulated_machines::sampler::Sampler;
@@ -110,7 +111,7 @@ pub(super) struct AngleError {
 }
 
 impl AngleError {
-    /// Draws an error of the size of usual resolvers: up to 10 arcmin.
+    /// Draws an error of the size of usual resolvers: each wave up to 10 arcmin.
     pub fn draw(sampler: &mut Sampler) -> Self {
         let mut draw = |order: f64, most_rad: f64| {
             let size = sampler.log_between(1e-4, most_rad);
@@ -194,7 +195,6 @@ mod tests {
         let times = times(100.0, 3.0);
         let passed = FILTER.low_pass(&times, &times);
         let late_s = times.last().unwrap() - passed.last().unwrap();
-        // A row of the held input lies within the tolerance.
         assert!((late_s - FILTER.delay_s()).abs() < 1e-4, "{late_s}");
     }
 
@@ -204,7 +204,6 @@ mod tests {
         let angles: Vec<f64> = times.iter().map(|t| 0.5 * t * t).collect();
         let velocity = FILTER.track(&times, &angles, 0.0);
         let late_s = times.last().unwrap() - velocity.last().unwrap();
-        // A row of linear interpolation lies within the tolerance.
         assert!((late_s - FILTER.delay_s()).abs() < 1e-3, "{late_s}");
     }
 
