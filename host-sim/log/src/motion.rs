@@ -1,9 +1,9 @@
 //! Reconstruction of the motion from the logged position and velocity.
 //!
 //! A bristle model integrates the velocity, so velocity noise causes errors far beyond its size, above all at rest. The
-//! reconstructed motion is the mean of a fixed-interval smoother ([`filter`]) over position and velocity. Its noise
-//! levels are estimated from the log ([`levels`]), rows at rest are detected ([`rest`]), and a velocity that lags its
-//! position ([`agreement`]) is not used. The remaining uncertainty is represented by random draws
+//! reconstructed motion is the mean of a fixed-interval smoother (`filter`) over position and velocity. Its noise
+//! levels are estimated from the log (`levels`), rows at rest are detected (`rest`), and a velocity that lags its
+//! position (`agreement`) is not used. The remaining uncertainty is represented by random draws
 //! ([`Run::velocity_draws`](crate::Run)), with which a fit can estimate its effect on the law.
 //!
 //! Each segment of a run is smoothed separately; the noise levels are those of the whole log. An exact velocity is

@@ -11,7 +11,7 @@ use compensator_core::quantity::Quantity;
 pub struct Corrections {
     /// Reconstruct the motion ([`crate::motion::reconstruct`]).
     pub motion: bool,
-    /// Keep the logged motion if the torque follows it more closely ([`crate::motion::choice`]).
+    /// Keep the logged motion if the torque follows it more closely.
     pub motion_by_evidence: bool,
     /// One bit for each kind that is kept as logged.
     kept: u32,
