@@ -116,7 +116,7 @@ impl<T: Real> Compensator<T> {
 
     /// Selects between the fast path and the general path of [`Self::step`].
     fn select_path(&mut self) {
-        let has_factors = self.factors.is_some() && self.model.takes_factors();
+        let has_factors = self.factors.is_some() && self.model.law_taking_factors().is_some();
         self.is_fast_path = self.enabled && self.model.has_no_terms() && !has_factors;
     }
 

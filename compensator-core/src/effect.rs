@@ -10,6 +10,25 @@
 use crate::curve;
 use crate::number::{Real, Share};
 
+/// Axis of the table of the Stribeck curve. The default holds every speed in the first cell.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StribeckAxis<T> {
+    /// Speed at the end of the table, `63/16 v_s`, rad/s.
+    pub end_rad_s: T,
+    /// `16 / v_s`, cells per rad/s.
+    pub cells_per_rad_s: T,
+}
+
+impl<T: Real> StribeckAxis<T> {
+    /// Computes the axis for this Stribeck velocity `v_s`, rad/s.
+    pub fn new(velocity_rad_s: T::Setting) -> Self {
+        let (cells, last) = (curve::CELLS_PER_STRIBECK_VELOCITY, curve::LAST);
+        let end = velocity_rad_s * T::Setting::from_f64(last / cells);
+        let cells = T::Setting::from_f64(cells) / velocity_rad_s;
+        Self { end_rad_s: T::from_setting(end), cells_per_rad_s: T::from_setting(cells) }
+    }
+}
+
 /// Modifies the quantities of a law. By default, each method returns its argument unchanged.
 pub trait Effect<T: Real> {
     /// Returns the Coulomb level, Nm.
@@ -54,8 +73,8 @@ pub trait Effect<T: Real> {
     }
     /// Returns the Stribeck curve at a speed, rad/s, as [`Real::stribeck_share`] does.
     #[inline(always)]
-    fn towards_rest(&self, speed: T, cells_per_velocity: T, end: T) -> Share<T> {
-        speed.stribeck_share(cells_per_velocity, end)
+    fn towards_rest(&self, speed: T, axis: &StribeckAxis<T>) -> Share<T> {
+        speed.stribeck_share(axis.cells_per_rad_s, axis.end_rad_s)
     }
     /// Returns the speed for the curve's table, rad/s. The curve is 0 from the speed `end` on.
     #[inline(always)]
@@ -184,11 +203,11 @@ impl<T: Real> Effect<T> for Effects<T> {
         self.seal.bristle_rate(rate)
     }
     #[inline(always)]
-    fn towards_rest(&self, speed: T, cells_per_velocity: T, end: T) -> Share<T> {
+    fn towards_rest(&self, speed: T, axis: &StribeckAxis<T>) -> Share<T> {
         if self.half_exponent.is_none_or(Real::is_neutral_exponent) {
-            return speed.stribeck_share(cells_per_velocity, end);
+            return speed.stribeck_share(axis.cells_per_rad_s, axis.end_rad_s);
         }
-        let cells = self.stribeck_speed(speed, end) * cells_per_velocity;
+        let cells = self.stribeck_speed(speed, axis.end_rad_s) * axis.cells_per_rad_s;
         Share::of(self.stribeck_argument(cells).stribeck_curve())
     }
     #[inline(always)]

@@ -10,7 +10,7 @@ pub use crate::law::Law;
 pub use crate::quantity::Sample;
 
 use crate::effect::Effects;
-use crate::law;
+use crate::law::{self, LugreAsymmetric};
 use crate::network::Factors;
 use crate::number::Real;
 use crate::term::{self, Terms};
@@ -155,13 +155,15 @@ impl<T: Real> FrictionModel<T> {
         self.law.step_alone(&mut state.bristle_torque_nm, &mut state.law, sample)
     }
 
-    /// Returns true if the factors of a network affect the model: only `lugre-asymmetric` without terms takes them.
-    pub(crate) fn takes_factors(&self) -> bool {
-        self.terms.is_empty() && matches!(self.law, Law::LugreAsymmetric(_))
+    /// Returns the law if the factors of a network affect the model: only `lugre-asymmetric` without terms takes them.
+    #[inline(always)]
+    pub(crate) fn law_taking_factors(&self) -> Option<&LugreAsymmetric<T>> {
+        let Law::LugreAsymmetric(law) = &self.law else { return None };
+        self.terms.is_empty().then_some(law)
     }
 
     /// Same as [`FrictionModel::step`], with the factors of a network. The model must have terms, or the given factors must
-    /// affect it ([`Self::takes_factors`]).
+    /// affect it ([`Self::law_taking_factors`]).
     #[inline(always)]
     pub(crate) fn step_general(
         &self,
@@ -169,8 +171,8 @@ impl<T: Real> FrictionModel<T> {
         sample: &Sample<T>,
         factors: Option<&Factors<T>>,
     ) -> T {
-        match (&self.law, factors) {
-            (Law::LugreAsymmetric(law), Some(factors)) if self.terms.is_empty() => {
+        match (self.law_taking_factors(), factors) {
+            (Some(law), Some(factors)) => {
                 law.step_with_effect(&mut state.bristle_torque_nm, sample.velocity_rad_s, factors)
             }
             // A caller's model has terms here. Builds without the feature `terms` compile no code for them.

@@ -32,6 +32,7 @@ mod seal_levels;
 mod stribeck_shape;
 mod temperature_coulomb;
 mod temperature_viscous;
+mod thermal_factor;
 mod time_drift;
 mod torque_offset;
 mod torque_ripple;

@@ -57,7 +57,7 @@ impl<T: Real> FrictionLaw<T> for Atan<T> {
         range: &LawRange,
     ) -> Result<f32, ParameterError> {
         let value = |id: Id| written.values.single(id);
-        product::<N>(text!("atan_slope * velocity_max"), value(Id::AtanSlope) * range.speed)?;
+        product::<N>(text!("atan_slope * velocity_max"), value(Id::AtanSlope) * range.speed_rad_s)?;
         let torque = value(Id::AtanTorque) * FRAC_PI_2;
         product::<N>(Id::AtanTorque.text(), torque)?;
         Ok(value(Id::TorqueOffset).abs() + torque.abs())

@@ -23,8 +23,8 @@
 //!
 //! The step has no data-dependent branches. `tests/emulator/core-cost.tsv` bounds its instructions.
 
-use super::written::{LawParameters, LawRange, stribeck_axis};
-use crate::effect::Effect;
+use super::written::{LawParameters, LawRange};
+use crate::effect::{Effect, StribeckAxis};
 use crate::fits::{coefficient, product};
 use crate::number::Real;
 use crate::parameter::ParameterId as Id;
@@ -38,10 +38,8 @@ pub struct Bristles<T> {
     pub coulomb: T,
     /// `F_S`, Nm; at least `coulomb`.
     pub static_level: T,
-    /// Largest velocity of the Stribeck table, `63/16 v_s`, rad/s.
-    pub stribeck_end: T,
-    /// `16 / v_s`, cells per rad/s.
-    pub cells_per_velocity: T,
+    /// Axis of the Stribeck table.
+    pub stribeck_axis: StribeckAxis<T>,
     /// `sigma0 dt`, Nm s/rad.
     pub stiffness_step: T,
     /// `sigma1` in fast sliding, Nm s/rad.
@@ -67,12 +65,10 @@ impl<T: Real> Bristles<T> {
         } else {
             (number(Id::BristleDamping), T::zero())
         };
-        let (stribeck_end, cells_per_velocity) = stribeck_axis(written);
         Self {
             coulomb: number(Id::CoulombTorque),
             static_level: number(Id::StaticTorque),
-            stribeck_end,
-            cells_per_velocity,
+            stribeck_axis: StribeckAxis::new(setting(Id::StribeckVelocity)),
             stiffness_step: T::from_setting(stiffness_step.at_most(constant(STIFFNESS_STEP_MAX))),
             damping,
             damping_at_rest,
@@ -115,7 +111,7 @@ impl<T: Real> Bristles<T> {
     ) -> T {
         let (velocity, speed) = velocity.limited_with_magnitude(self.velocity_limit);
 
-        let towards_rest = effect.towards_rest(speed, self.cells_per_velocity, self.stribeck_end);
+        let towards_rest = effect.towards_rest(speed, &self.stribeck_axis);
         let coulomb = effect.coulomb(coulomb);
         let static_level = effect.static_level(static_level);
         let level = coulomb.plus_share(static_level - coulomb, towards_rest);
@@ -160,7 +156,7 @@ pub(super) fn check<N: Real, S: Real>(
     range: &LawRange,
     damping: f32,
 ) -> Result<f32, ParameterError> {
-    let LawRange { period_s, speed, largest_level: level, .. } = *range;
+    let LawRange { period_s, speed_rad_s: speed, largest_level_nm: level, .. } = *range;
     let step = written.values.single(Id::BristleStiffness) * period_s;
     coefficient::<N>(text!("bristle_stiffness * sample_period"), step)?;
     let per_newton = range.bounds.travel_per_newton / period_s;
@@ -171,7 +167,7 @@ pub(super) fn check<N: Real, S: Real>(
     let both = 2.0 * level + step * bent;
     product::<N>(text!("level * velocity_max"), both * speed)?;
     product::<N>(text!("bristle_stiffness * sample_period * velocity_max"), step * speed + level)?;
-    let rate = (both * speed / range.smallest_level).min(both / step);
+    let rate = (both * speed / range.smallest_level_nm).min(both / step);
     product::<N>(text!("bristle rate"), rate)?;
     let damped = damping * (rate + bent);
     product::<N>(text!("bristle_damping * bristle rate"), damped)?;

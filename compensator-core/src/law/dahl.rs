@@ -2,6 +2,7 @@
 
 use super::bristle;
 use super::interface::*;
+use crate::effect::StribeckAxis;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
@@ -20,8 +21,7 @@ impl<T: Real> FrictionLaw<T> for Dahl<T> {
             damping_at_rest: T::zero(),
             // The level does not depend on speed. The Stribeck velocity is not a parameter of
             // this law, so its value must not be used: it may be NaN.
-            stribeck_end: T::zero(),
-            cells_per_velocity: T::zero(),
+            stribeck_axis: StribeckAxis::default(),
             ..Bristles::build(written, period_s)
         })
     }

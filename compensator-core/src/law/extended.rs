@@ -61,11 +61,11 @@ impl<T: Real> FrictionLaw<T> for Extended<T> {
         range: &LawRange,
     ) -> Result<f32, ParameterError> {
         let value = |id: Id| written.values.single(id);
-        let square = range.speed * range.speed;
-        let along = if written.choices.printed_extended { range.speed } else { square };
+        let square = range.speed_rad_s * range.speed_rad_s;
+        let along = if written.choices.printed_extended { range.speed_rad_s } else { square };
         let quadratic = value(Id::QuadraticFriction) * along;
         product::<N>(Id::QuadraticFriction.text(), quadratic)?;
-        let cubic = value(Id::CubicFriction) * square * range.speed;
+        let cubic = value(Id::CubicFriction) * square * range.speed_rad_s;
         product::<N>(Id::CubicFriction.text(), cubic)?;
         Ok(quadratic.abs() + cubic.abs())
     }

@@ -2,7 +2,7 @@
 
 use super::interface::*;
 use super::steady::Steady;
-use super::written::stribeck_axis;
+use crate::effect::StribeckAxis;
 
 /// Coefficients of the law for one sample period.
 #[derive(Clone, Copy, Debug)]
@@ -11,10 +11,8 @@ pub struct Stribeck<T> {
     pub steady: Steady<T>,
     /// `F_S`, Nm.
     pub static_level: T,
-    /// `63/16 v_s`, rad/s.
-    pub stribeck_end: T,
-    /// `16 / v_s`, cells per rad/s.
-    pub cells_per_velocity: T,
+    /// Axis of the Stribeck table.
+    pub stribeck_axis: StribeckAxis<T>,
 }
 
 impl<T: Real> FrictionLaw<T> for Stribeck<T> {
@@ -24,12 +22,10 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
     type Memory = ();
 
     fn build(written: &LawParameters<T::Setting>, _: T::Setting) -> Self {
-        let (stribeck_end, cells_per_velocity) = stribeck_axis(written);
         Self {
             steady: Steady::build(written),
             static_level: T::from_setting(written.values.get(Id::StaticTorque)),
-            stribeck_end,
-            cells_per_velocity,
+            stribeck_axis: StribeckAxis::new(written.values.get(Id::StribeckVelocity)),
         }
     }
 
@@ -47,8 +43,8 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
     fn step<E: Effect<T>>(&self, _: &mut T, (): &mut (), velocity: T, effect: &E) -> Step<'_, T> {
         let velocity = self.steady.limited(velocity);
         let coulomb = effect.coulomb(self.steady.coulomb);
-        let cells =
-            effect.stribeck_speed(velocity.abs(), self.stribeck_end) * self.cells_per_velocity;
+        let axis = &self.stribeck_axis;
+        let cells = effect.stribeck_speed(velocity.abs(), axis.end_rad_s) * axis.cells_per_rad_s;
         let towards_rest = effect.stribeck_argument(cells).stribeck_curve();
         let static_level = effect.static_level(self.static_level);
         let level = coulomb + (static_level - coulomb) * towards_rest;

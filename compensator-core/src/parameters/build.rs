@@ -89,9 +89,9 @@ impl<S: Real<Setting = S>> Parameters<S> {
         }
         let range = LawRange {
             period_s: period_s.single(),
-            speed,
-            smallest_level: self.smallest_level(&bounds),
-            largest_level: level,
+            speed_rad_s: speed,
+            smallest_level_nm: self.smallest_level(&bounds),
+            largest_level_nm: level,
             bounds: &bounds,
         };
         let law_torque = self.law.check::<T, S>(&self.law_parameters(), &range)?;

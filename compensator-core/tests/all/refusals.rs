@@ -124,6 +124,24 @@ fn range_and_level_cases() -> Vec<RefusalCase> {
     ]
 }
 
+/// Cases of a factor over temperature that is too steep, with 70 K from the reference to the cold end and 130 K to the
+/// hot end.
+fn steepness_cases() -> Vec<RefusalCase> {
+    use Bound::{AtLeast, AtMost};
+    let (thousand, ten_million) = (1e3f32.ln(), 1e7f32.ln());
+    let coulomb = || with_term(TermKind::TemperatureCoulomb);
+    let viscous = || with_term(TermKind::TemperatureViscous);
+    let without_friction = viscous().with(Id::ViscousFriction, 0.0);
+    let (level, viscosity) = (Id::TemperatureCoulomb, Id::TemperatureViscosity);
+    vec![
+        refusal(coulomb(), level, 0.0625, AtMost(thousand / 130.0), "stay positive"),
+        refusal(coulomb(), level, -0.0625, AtLeast(-thousand / 130.0), "stay positive"),
+        // A steep decrease towards the hot end is legal, because the step does not divide by the viscosity.
+        refusal(viscous(), viscosity, 0.5, AtMost(ten_million / 70.0), "viscosity"),
+        refusal(without_friction, viscosity, -0.75, AtLeast(-ten_million / 130.0), "viscosity"),
+    ]
+}
+
 /// Cases that violate passivity, and a delay that exceeds its delay line.
 fn passivity_and_delay_cases() -> Vec<RefusalCase> {
     use Bound::{AtLeast, AtMost};
@@ -177,7 +195,8 @@ fn passivity_and_delay_cases() -> Vec<RefusalCase> {
 #[test]
 fn refusals_name_field_value_bound_and_reason() {
     use Bound::{AtLeast, AtMost};
-    let cases = range_and_level_cases().into_iter().chain(passivity_and_delay_cases());
+    let cases = [range_and_level_cases(), steepness_cases(), passivity_and_delay_cases()];
+    let cases = cases.into_iter().flatten();
     for RefusalCase { from, id, value, bound, word } in cases {
         from.clone().build::<f64>(PERIOD).unwrap_or_else(|error| panic!("{}: {error}", id.name()));
         let refused = from.clone().with(id, value).build::<f64>(PERIOD).unwrap_err();
@@ -339,4 +358,18 @@ fn build_in_fixed_point_with_overflow_names_the_product() {
         assert_eq!(refused.field, field, "{refused}");
         assert!(refused.why.as_str().contains("number type"), "{refused}");
     }
+}
+
+/// Fixed point saturates a larger factor, even if its product with a small viscous coefficient fits.
+#[test]
+fn build_in_fixed_point_with_thermal_factor_out_of_range_names_the_term() {
+    let viscous = |rate| {
+        let joint = with_term(TermKind::TemperatureViscous).convert::<f32>();
+        joint.with(Id::ViscousFriction, 0.001).with(Id::TemperatureViscosity, rate)
+    };
+    let build = |rate| viscous(rate).build::<Fixed>(1e-3);
+    assert!(build(0.1).is_ok(), "{:?}", build(0.1).err());
+    assert!(viscous(0.15).build::<f32>(1e-3).is_ok(), "a float holds it");
+    let refused = build(0.15).unwrap_err();
+    assert_eq!(refused.field, TermKind::TemperatureViscous.name(), "{refused}");
 }

@@ -1,22 +1,19 @@
 //! LuGre with the factors of a network: the law `lugre-lstm` (the damper paper, eq. 4 and 12-13).
 
 use super::Factors;
-use crate::law::{Law, LugreAsymmetric};
+use crate::law::LugreAsymmetric;
 use crate::model::FrictionModel;
 use crate::number::Real;
 
 /// The law `lugre-asymmetric` with factors, built for one sample period. Its state is the held torque, Nm.
 #[derive(Clone, Copy, Debug)]
-pub struct AugmentedLugre<T>(pub LugreAsymmetric<T>);
+pub struct AugmentedLugre<T>(pub(super) LugreAsymmetric<T>);
 
 impl<T: Real> AugmentedLugre<T> {
     /// Returns the law of a model. Returns `None` if the law is not `lugre-asymmetric` or if the model has terms,
     /// because terms and factors cannot be combined.
     pub fn of(model: &FrictionModel<T>) -> Option<Self> {
-        match model.law() {
-            Law::LugreAsymmetric(law) if model.has_no_terms() => Some(Self(*law)),
-            _ => None,
-        }
+        model.law_taking_factors().copied().map(Self)
     }
 
     /// Advances the held torque (Nm) by one sample with these factors and returns the friction torque, Nm.
