@@ -34,13 +34,7 @@ impl From<ArmRefusal> for Reason {
     fn from(refusal: ArmRefusal) -> Self {
         let ArmRefusal { causes, unobserved, unmeasured, self_test } = refusal;
         let conditions = u32::from(unobserved) | u32::from(unmeasured) << 1;
-        refusal!(
-            "not armed:{faults}{limits}{conditions}{test}",
-            causes.fault_bits(),
-            causes.limit_bits(),
-            conditions,
-            self_test
-        )
+        refusal!("not armed:{faults}{conditions}{test}", causes.fault_bits(), conditions, self_test)
     }
 }
 
