@@ -42,7 +42,7 @@ impl Supervisor {
     /// Arms the joint, which allows the bridge to be on. A joint that is armed stays armed.
     ///
     /// # Errors
-    /// Returns every reason against arming. The state is then unchanged.
+    /// Returns every reason against arming. The joint is then not armed.
     pub fn arm(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
         self.arm_ignoring(CodeSet::EMPTY, now_us)
     }
