@@ -119,7 +119,7 @@ impl JointBase {
         }
     }
 
-    /// Returns true if the joint is slow enough for homing.
+    /// Returns true if the joint is slow enough to count as standing.
     pub(crate) fn is_standing(&self) -> bool {
         self.report().velocity_rad_s.abs() <= profile::STANDSTILL_RAD_S
     }
@@ -134,7 +134,7 @@ impl JointBase {
     /// motion it is the torque that inertia and friction do not explain, which needs the inertia; without it, 0.
     pub(crate) fn load_a(&self) -> f32 {
         let (report, set) = (self.report(), self.set());
-        if report.velocity_rad_s.abs() < profile::STANDSTILL_RAD_S {
+        if self.is_standing() {
             return report.current_reference_a - report.feed_forward_current_a;
         }
         if set.motor.inertia_kg_m2 > 0.0 && report.residual_torque_nm.is_finite() {
