@@ -218,7 +218,7 @@ impl Motion {
         }
     }
 
-    /// 6098h.
+    /// 6098h. The object dictionary refuses a write while the bridge is in use.
     pub(crate) fn set_homing_method(&mut self, method: i8) -> Result<(), Refused> {
         if !HOMING_METHODS.contains(&method) {
             let why = refusal!(
