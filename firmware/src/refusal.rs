@@ -4,8 +4,8 @@
 //! ([`Reason`]). No text is in an image. On a PC, `texts` returns every text, and [`Explained`] prints a reason with them;
 //! `cargo run -p firmware --example refusals` prints their numbers.
 //!
-//! Besides the places of the core, a text may have `{faults}` and `{limits}`, sets of codes, `{conditions}`, further
-//! reasons against arming, and `{test}`, the number of the self-test that failed.
+//! Besides the places of the core, a text may have `{faults}`, a set of codes, `{conditions}`, further reasons against
+//! arming, and `{test}`, the number of the self-test that failed.
 
 #[cfg(not(target_os = "none"))]
 mod texts;
@@ -127,16 +127,15 @@ impl Names for Table {
                 None => write!(f, " (test {word})"),
             };
         }
-        let first = if place == "limits" { 33 } else { 1 };
         for bit in (0..32).filter(|bit| word >> bit & 1 == 1) {
             let name = if place == "conditions" {
                 CONDITIONS.get(bit as usize).copied()
             } else {
-                name_of_code((first + bit) as u8)
+                name_of_code((1 + bit) as u8)
             };
             match name {
                 Some(name) => write!(f, " {name}")?,
-                None => write!(f, " {}", first + bit)?,
+                None => write!(f, " {}", 1 + bit)?,
             }
         }
         Ok(())

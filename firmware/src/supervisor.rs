@@ -338,14 +338,9 @@ impl Supervisor {
         if codes.contains(Code::SelfTestFailed) { self.failed_self_test() } else { 0 }
     }
 
-    /// Returns the reason of codes that are still present.
+    /// Returns the reason of faults that are still present.
     pub fn remaining(&self, codes: CodeSet) -> Reason {
-        refusal!(
-            "still present:{faults}{limits}{test}",
-            codes.fault_bits(),
-            codes.limit_bits(),
-            self.self_test_among(codes)
-        )
+        refusal!("still present:{faults}{test}", codes.fault_bits(), self.self_test_among(codes))
     }
 
     /// State of the joint.

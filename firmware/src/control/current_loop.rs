@@ -468,7 +468,7 @@ impl<C: Compensate> CurrentLoop<C> {
         cycle.flags |= LoopFlags::VOLTAGE_LIMITED.when(limited);
         self.d.update(&motor.d, error.d, demand.d, applied.d, radius);
         self.q.update(&motor.q, error.q, demand.q, applied.q, radius);
-        cycle.voltage_v = [applied.d, applied.q];
+        cycle.voltage_v = applied;
         let phases_v = inverse_clarke(then.inverse_park(applied));
         let phases_v = motor.dead_time.compensate(phases_v, reference, then, cycle.bus_v);
         cycle.bridge = Bridge::Drive(duties(phases_v, cycle.bus_v));

@@ -2,6 +2,7 @@
 
 use super::Bridge;
 use super::flags::LoopFlags;
+use super::transform::Rotating;
 use compensator_core::Flags;
 
 /// Set-point of the joint.
@@ -11,12 +12,13 @@ pub struct Setpoint {
     pub current_a: f32,
     /// Reference velocity, rad/s; NaN if no reference is given.
     pub velocity_reference_rad_s: f32,
-    /// Time since reception, s; negative or NaN if none was received.
+    /// Time since the set-point was confirmed, s: by its command frame, or by a target, a controlword, a heartbeat
+    /// or an order of the master. 0 if it needs no confirmation; negative or NaN if it was never confirmed.
     pub age_s: f32,
 }
 
 impl Setpoint {
-    /// No set-point was received.
+    /// No set-point was confirmed.
     pub const NONE: Self = Self { current_a: 0.0, velocity_reference_rad_s: f32::NAN, age_s: -1.0 };
 }
 
@@ -31,10 +33,10 @@ pub struct CycleResult {
     pub current_q_a: f32,
     /// Reference of the torque-producing current, A, after compensation and limits.
     pub current_reference_a: f32,
-    /// Reference of the current along the magnet, A; 0 unless the bus voltage limits the current.
+    /// Reference of the current along the magnet, A; 0 unless it weakens the field or burns braking power.
     pub current_d_reference_a: f32,
-    /// Voltage applied along d and q, V, in the motor's sign, without what compensates the dead time.
-    pub voltage_v: [f32; 2],
+    /// Applied voltage, V, in the motor's sign, without what compensates the dead time.
+    pub voltage_v: Rotating,
     /// Bus voltage used for the duties, V; 0 if unknown.
     pub bus_v: f32,
     /// Joint position, rad; see [`LoopFlags::POSITION_UNREFERENCED`].

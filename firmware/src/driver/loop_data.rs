@@ -97,7 +97,7 @@ with_defaults! {
         pub phase_currents_a: Option<[f32; 3]>,
         /// Torque-producing current, A.
         pub current_a: f32,
-        /// Current along the magnet, A; about 0 unless the bus voltage limits the current.
+        /// Current along the magnet, A; about 0 unless it weakens the field or burns braking power.
         pub current_d_a: f32,
         /// Reference of the torque-producing current, A.
         pub current_reference_a: f32,

@@ -412,9 +412,8 @@ impl JointBase {
             self.current_loop.reset_gate_driver();
             self.blocking = left.fault_bits();
             let why = refusal!(
-                "still present:{faults}{limits} (its driver was reset: ask again)",
-                left.fault_bits(),
-                left.limit_bits()
+                "still present:{faults} (its driver was reset: ask again)",
+                left.fault_bits()
             );
             self.refuse(Abort::State, why)
         })

@@ -145,7 +145,7 @@ impl LoopTask {
             current_a: cycle.current_q_a,
             current_d_a: cycle.current_d_a,
             current_reference_a: cycle.current_reference_a,
-            voltage_q_v: cycle.voltage_v[1],
+            voltage_q_v: cycle.voltage_v.q,
             velocity_rad_s: cycle.velocity_rad_s,
             turned_rad: cycle.position_rad,
             rotor: ReportedAngle::new(

@@ -34,13 +34,7 @@ impl From<ArmRefusal> for Reason {
     fn from(refusal: ArmRefusal) -> Self {
         let ArmRefusal { causes, unobserved, unmeasured, self_test } = refusal;
         let conditions = u32::from(unobserved) | u32::from(unmeasured) << 1;
-        refusal!(
-            "not armed:{faults}{limits}{conditions}{test}",
-            causes.fault_bits(),
-            causes.limit_bits(),
-            conditions,
-            self_test
-        )
+        refusal!("not armed:{faults}{conditions}{test}", causes.fault_bits(), conditions, self_test)
     }
 }
 
@@ -48,7 +42,7 @@ impl Supervisor {
     /// Arms the joint, which allows the bridge to be on. A joint that is armed stays armed.
     ///
     /// # Errors
-    /// Returns every reason against arming. The state is then unchanged.
+    /// Returns every reason against arming. The joint is then not armed.
     pub fn arm(&mut self, now_us: u64) -> Result<(), ArmRefusal> {
         self.arm_ignoring(CodeSet::EMPTY, now_us)
     }

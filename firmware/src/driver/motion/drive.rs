@@ -119,7 +119,7 @@ impl JointBase {
         }
     }
 
-    /// Returns true if the joint is slow enough for homing.
+    /// Returns true if the joint is slow enough to count as standing.
     pub(crate) fn is_standing(&self) -> bool {
         self.report().velocity_rad_s.abs() <= profile::STANDSTILL_RAD_S
     }
@@ -131,14 +131,18 @@ impl JointBase {
     }
 
     /// Returns the current that holds the load of a joint in torque mode, A. At rest it is the commanded current. In
-    /// motion it is the torque that inertia and friction do not explain, which needs the inertia; without it, 0.
+    /// motion it is the torque that inertia and friction do not explain: the residual and the load torque of a sensor, which
+    /// the residual leaves out. It needs the inertia; without it, 0.
     pub(crate) fn load_a(&self) -> f32 {
         let (report, set) = (self.report(), self.set());
-        if report.velocity_rad_s.abs() < profile::STANDSTILL_RAD_S {
+        if self.is_standing() {
             return report.current_reference_a - report.feed_forward_current_a;
         }
         if set.motor.inertia_kg_m2 > 0.0 && report.residual_torque_nm.is_finite() {
-            return report.residual_torque_nm / set.friction.compensator.torque_constant_nm_per_a;
+            // 0 without a sensor. A value that is too old or not finite has no finite residual.
+            let sensor_nm = self.received.covariates(0.0, self.now_us).load_torque_nm.value;
+            return (report.residual_torque_nm + sensor_nm)
+                / set.friction.compensator.torque_constant_nm_per_a;
         }
         0.0
     }
@@ -218,7 +222,7 @@ impl Motion {
         }
     }
 
-    /// 6098h.
+    /// 6098h. The object dictionary refuses a write while the bridge is in use.
     pub(crate) fn set_homing_method(&mut self, method: i8) -> Result<(), Refused> {
         if !HOMING_METHODS.contains(&method) {
             let why = refusal!(

@@ -5,6 +5,7 @@ use super::plant::Machine;
 use firmware::background::RoundOutcome;
 use firmware::control::{BridgeFault, MotorParameters, ValidChannels};
 use firmware::node::dictionary::index;
+use firmware::node::dictionary::records::InputsObject;
 use firmware::parameter_set::ParameterSet;
 use firmware::supervisor::{Code, JointState};
 
@@ -120,13 +121,17 @@ fn fault_that_permits_no_ramp_opens_the_bridge_also_during_a_ramp() {
 
 #[test]
 fn quick_stop_in_torque_mode_holds_the_load_during_its_ramp() {
-    for load in [0.0, 8.0] {
+    for (load, is_measured) in [(0.0, false), (8.0, false), (8.0, true)] {
         let mut joint = started(&[(index::QUICK_STOP_OPTION, 6)]);
         joint.enable_mode(CST);
         // The torque that holds the load, and then lifts it.
         let drive = |joint: &mut Joint, word: u16, permille: i16| {
             let ([a, b], [c, d]) = (word.to_le_bytes(), permille.to_le_bytes());
             joint.queue_frame(0x201, &[a, b, c, d]);
+            if is_measured {
+                let load_nm = (joint.stage.plant.load as f32).to_le_bytes();
+                joint.write_object(index::INPUTS, InputsObject::LOAD_TORQUE, load_nm, 4);
+            }
             joint.run_ms(1);
         };
         let torque_nm = joint.background.node().joint.set().motor.current_limit_a;
@@ -147,7 +152,9 @@ fn quick_stop_in_torque_mode_holds_the_load_during_its_ramp() {
             (least, most) = (least.min(way), most.max(way));
         }
         let (end, v) = (joint.stage.plant.position() - from, joint.stage.plant.velocity());
-        println!("{load} Nm: {speed:.2} rad/s, {least:.3} to {most:.3} rad, ends at {end:.3}");
+        println!(
+            "{load} Nm, measured {is_measured}: {speed:.2} rad/s, {least:.3} to {most:.3} rad, ends at {end:.3}"
+        );
         assert!(joint.background.node().joint.is_armed() && speed > 0.5);
         assert!(v.abs() < 0.02, "{v} rad/s");
         let ramp = 0.5 * speed * speed / 50.0;
