@@ -376,6 +376,18 @@ struct Interruption {
     flipped: Option<usize>,
 }
 
+#[test]
+fn package_with_a_length_beyond_its_bytes_stays_unfinished() {
+    let (old, mut sent) = (package(1, 5), package(2, 5));
+    let mut flash = flash_with(&old);
+    // The length of the program grows by 8 bytes.
+    sent.bytes[20] ^= 8;
+    assert_eq!(receive(&mut flash, 0, &sent), End::Unfinished);
+    let selection = start(&mut flash, false);
+    assert_eq!(assert_starts_one_of(&mut flash, selection, &[&old]), 0);
+    assert_eq!(receive(&mut flash, 0, &package(2, 5)), End::Done);
+}
+
 fn interruption() -> impl Strategy<Value = Interruption> {
     let torn = (0..7usize, any::<u32>()).prop_map(|(kind, seed)| match kind {
         0 => TornStep::Nothing,

@@ -91,6 +91,8 @@ pub fn signed(
 pub enum End {
     PowerLost,
     Refused(Refusal),
+    /// The header states more bytes than were sent.
+    Unfinished,
     Done,
 }
 
@@ -135,7 +137,7 @@ pub fn finish(flash: &mut Flash, receiver: &mut Receiver, rest: &[u8]) -> End {
     match receiver.refusal() {
         Some(refusal) => ended(flash, refusal),
         None if receiver.is_ready() => End::Done,
-        None => panic!("neither ready nor refused: {receiver:?}"),
+        None => End::Unfinished,
     }
 }
 
