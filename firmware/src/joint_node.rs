@@ -24,7 +24,7 @@ pub use base::JointBase;
 pub(crate) use base::{StoredBlock, larger_than_stored, recall};
 pub use board::{BoardOutput, BoardState, Boot, Equipment, Identity};
 
-use crate::driver::{LoopOutput, LoopReport};
+use crate::driver::loop_data::{LoopOutput, LoopReport};
 use crate::log::log;
 use crate::node::lss::LSS_REQUEST;
 use crate::node::sdo::{Objects, SdoServer};

@@ -6,7 +6,7 @@
 
 use crate::access::AccessSettings;
 use crate::drive_settings::DriveSettings;
-use crate::driver::REPORT_PERIOD_S;
+use crate::driver::loop_data::REPORT_PERIOD_S;
 use crate::hil::{HilSetup, NumberType};
 use crate::node::bit_timing::{BIT_RATES_KBIT, DATA_BIT_RATES_KBIT, DEFAULT_DATA_BIT_RATE_KBIT};
 use crate::parameter_set::{MAX_SET_BYTES, ParameterSet};

@@ -10,7 +10,7 @@
 //! rows: [`LinearModel`] is written to `params.toml` beside the law for the driver, and `predict` computes it.
 
 mod factor;
-mod motion;
+pub(crate) mod motion;
 mod operator;
 
 pub use factor::{Factor, Inputs, Regressor, heat, mean_growth};
@@ -20,7 +20,7 @@ pub use operator::{later, play, stop};
 use crate::measurement::Measurement;
 use crate::parameter_file_error::ParameterFileErrorKind;
 use joint_log::Dataset;
-pub(crate) use motion::long;
+use motion::long;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -7,7 +7,7 @@
 //! A diagnosis finds it on one log of a rig, and it holds for the next log of the same rig. So it is written to `params.toml`, and
 //! `predict` applies it. It says nothing of the joint: a driver and an export ignore it.
 
-use crate::linear::{Motion, long};
+use crate::linear::motion::{Motion, long};
 use crate::parameter_file_error::{ParameterFileErrorKind as Kind, number};
 use crate::torque_low_pass::{LowPassShape, TorqueLowPass};
 use crate::track::Track;

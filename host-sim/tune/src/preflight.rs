@@ -1,7 +1,6 @@
 //! What a session finds out before it moves a joint, and what it refuses.
 
 use crate::motion::MotionLimits;
-use crate::trial_set::TRIAL;
 use canopen_rs::Address;
 use compensator_core::can::{Message, NodeId, cob_id};
 use firmware::node::dictionary::index;
@@ -271,7 +270,7 @@ fn check_set<B: Bus>(
 /// Refuses a firmware without trials. That the active parameters are the stored ones is known when the trial opens: that is
 /// after the question, because a trial changes the joint.
 fn check_trial<B: Bus>(client: &mut Client<B>) -> Result<(), Refusal> {
-    match client.read_number(Address::new(TRIAL, TrialObject::STATE)) {
+    match client.read_number(Address::new(index::TRIAL, TrialObject::STATE)) {
         Ok(_) => Ok(()),
         Err(SdoError::Refused { code: 0x0602_0000, .. }) => {
             refuse("this firmware has no trial of parameters (2042h): update the joint first")
